@@ -1,0 +1,2 @@
+//! The wire format between slamd and its board.
+#![no_std]

@@ -1,0 +1,329 @@
+//! The configuration: defaults in the types, a TOML text that names only the differences, errors with line, key and range.
+//!
+//! Every key is described in `configs/README.md`.
+
+use crate::geometry::{Mounting, Pose2, Ring};
+use serde::{Deserialize, Serialize};
+use std::ops::RangeInclusive;
+use toml::de::{DeTable, DeValue};
+
+/// How heading, position and map are found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Method {
+    /// Walls of an orthogonal building in one filter with the pose: the default.
+    #[default]
+    Walls,
+    /// The paper, literally.
+    Paper,
+}
+
+/// The whole configuration.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Config {
+    /// The estimation method.
+    pub method: Method,
+    /// The drive.
+    pub robot: RobotConfig,
+    /// The sensors.
+    pub ring: RingConfig,
+    /// The map.
+    pub map: MapConfig,
+}
+
+/// The drive.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RobotConfig {
+    /// The robot's name.
+    pub name: String,
+    /// Radius of a driven wheel, metres.
+    pub wheel_radius_m: f64,
+    /// Distance between the driven wheels, metres.
+    pub wheel_base_m: f64,
+    /// Encoder ticks per wheel turn; the board's own value where absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ticks_per_turn: Option<u32>,
+    /// Fastest the robot drives, metres per second.
+    pub max_speed_m_s: f64,
+    /// Fastest the robot turns, radians per second.
+    pub max_turn_rate_rad_s: f64,
+}
+
+impl Default for RobotConfig {
+    fn default() -> Self {
+        Self {
+            name: "robot".into(),
+            wheel_radius_m: 0.035,
+            wheel_base_m: 0.26,
+            ticks_per_turn: None,
+            max_speed_m_s: 0.6,
+            max_turn_rate_rad_s: 2.5,
+        }
+    }
+}
+
+/// The sensors. Their places come from the board unless `sensors` or `circle` is given.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RingConfig {
+    /// Nearest distance a sensor measures, metres.
+    pub min_range_m: f64,
+    /// Farthest distance a sensor measures, metres; beyond it is "nothing in range".
+    pub max_range_m: f64,
+    /// Air temperature until the board reports one, degrees Celsius.
+    pub temperature_c: f64,
+    /// Sensors evenly round a circle.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub circle: Option<CircleConfig>,
+    /// Sensors one by one.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub sensors: Vec<SensorConfig>,
+}
+
+impl Default for RingConfig {
+    fn default() -> Self {
+        Self { min_range_m: 0.03, max_range_m: 3.0, temperature_c: 20.0, circle: None, sensors: Vec::new() }
+    }
+}
+
+/// Sensors evenly round a circle, looking outward.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CircleConfig {
+    /// How many sensors.
+    pub count: u8,
+    /// Radius of the circle, metres.
+    pub radius_m: f64,
+    /// Half the beam's opening angle, degrees.
+    pub half_angle_deg: f64,
+    /// How many firing groups, interleaved round the ring.
+    #[serde(default = "one")]
+    pub groups: u8,
+    /// True where the sensors are numbered clockwise from straight ahead.
+    #[serde(default)]
+    pub clockwise: bool,
+}
+
+/// One sensor.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SensorConfig {
+    /// Metres ahead of the axle's middle.
+    #[serde(default)]
+    pub x_m: f64,
+    /// Metres to the left of the axle's middle.
+    #[serde(default)]
+    pub y_m: f64,
+    /// Direction of the beam, degrees counter-clockwise from straight ahead.
+    pub bearing_deg: f64,
+    /// Half the beam's opening angle, degrees.
+    pub half_angle_deg: f64,
+    /// Firing group.
+    #[serde(default)]
+    pub group: u8,
+}
+
+/// The map.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MapConfig {
+    /// Side of a cell, metres. The paper's method always uses 0.01.
+    pub cell_m: f64,
+}
+
+impl Default for MapConfig {
+    fn default() -> Self {
+        Self { cell_m: 0.05 }
+    }
+}
+
+const fn one() -> u8 {
+    1
+}
+
+/// Most sensors a ring may have: a `SONAR` message holds no more.
+pub const MAX_SENSORS: usize = 76;
+
+/// A configuration that cannot be used.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum ConfigError {
+    /// Not TOML, an unknown key, or a value of the wrong type; the text holds line and column.
+    #[error("{0}")]
+    Syntax(String),
+    /// A value outside its range.
+    #[error("line {line}: {key} = {value} is out of range: it must be {valid}")]
+    Range {
+        /// Line in the text, from 1; 0 where the value did not come from the text.
+        line: usize,
+        /// The key, dotted.
+        key: String,
+        /// The value found.
+        value: String,
+        /// The values allowed, in words.
+        valid: String,
+    },
+}
+
+impl Config {
+    /// Reads a TOML text.
+    ///
+    /// # Errors
+    /// Unknown keys, values of the wrong type and values out of range are refused; nothing is repaired in silence.
+    pub fn from_toml(text: &str) -> Result<Self, ConfigError> {
+        let config: Self =
+            toml::from_str(text).map_err(|error| ConfigError::Syntax(error.to_string().trim_end().into()))?;
+        config.check(text)?;
+        Ok(config)
+    }
+
+    /// The text that [`Config::from_toml`] reads back as this configuration.
+    ///
+    /// # Panics
+    /// Never: every configuration has a TOML form.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("plain numbers, strings and tables")
+    }
+
+    fn check(&self, text: &str) -> Result<(), ConfigError> {
+        let check = Check { text };
+        let robot = &self.robot;
+        check.within("robot.wheel_radius_m", robot.wheel_radius_m, 0.005..=1.0)?;
+        check.within("robot.wheel_base_m", robot.wheel_base_m, 0.02..=3.0)?;
+        check.within("robot.max_speed_m_s", robot.max_speed_m_s, 0.01..=10.0)?;
+        check.within("robot.max_turn_rate_rad_s", robot.max_turn_rate_rad_s, 0.01..=30.0)?;
+        check.within("robot.ticks_per_turn", f64::from(robot.ticks_per_turn.unwrap_or(1)), 1.0..=1e7)?;
+        let ring = &self.ring;
+        check.within("ring.max_range_m", ring.max_range_m, 0.1..=20.0)?;
+        check.within("ring.min_range_m", ring.min_range_m, 0.0..=ring.max_range_m)?;
+        check.within("ring.temperature_c", ring.temperature_c, -40.0..=85.0)?;
+        if let Some(circle) = &ring.circle {
+            check.within("ring.circle.count", f64::from(circle.count), 1.0..=MAX_SENSORS as f64)?;
+            check.within("ring.circle.radius_m", circle.radius_m, 0.0..=2.0)?;
+            check.within("ring.circle.half_angle_deg", circle.half_angle_deg, 0.0..=60.0)?;
+            check.within("ring.circle.groups", f64::from(circle.groups), 1.0..=f64::from(circle.count))?;
+            if !ring.sensors.is_empty() {
+                return Err(check.refusal("ring.sensors", "given", "absent where ring.circle is given"));
+            }
+        }
+        if ring.sensors.len() > MAX_SENSORS {
+            return Err(check.refusal(
+                "ring.sensors",
+                &format!("{} entries", ring.sensors.len()),
+                "at most 76 entries",
+            ));
+        }
+        for (i, sensor) in ring.sensors.iter().enumerate() {
+            check.within(&format!("ring.sensors.{i}.x_m"), sensor.x_m, -2.0..=2.0)?;
+            check.within(&format!("ring.sensors.{i}.y_m"), sensor.y_m, -2.0..=2.0)?;
+            check.within(&format!("ring.sensors.{i}.bearing_deg"), sensor.bearing_deg, -360.0..=360.0)?;
+            check.within(&format!("ring.sensors.{i}.half_angle_deg"), sensor.half_angle_deg, 0.0..=60.0)?;
+        }
+        check.within("map.cell_m", self.map.cell_m, 0.01..=0.5)
+    }
+}
+
+impl RingConfig {
+    /// The sensors named in the configuration, if it names any.
+    #[must_use]
+    pub fn ring(&self) -> Option<Ring> {
+        if let Some(circle) = &self.circle {
+            let mut ring =
+                Ring::circle(circle.count, circle.radius_m, circle.half_angle_deg.to_radians(), circle.groups);
+            if circle.clockwise {
+                for mounting in &mut ring.mountings {
+                    let pose = mounting.robot_from_sensor;
+                    mounting.robot_from_sensor = Pose2::new(pose.x_m, -pose.y_m, -pose.theta_rad);
+                }
+            }
+            return Some(ring);
+        }
+        let mountings = self.sensors.iter().map(|sensor| Mounting {
+            robot_from_sensor: Pose2::new(sensor.x_m, sensor.y_m, sensor.bearing_deg.to_radians()),
+            half_angle_rad: sensor.half_angle_deg.to_radians(),
+            group: sensor.group,
+        });
+        (!self.sensors.is_empty()).then(|| Ring { mountings: mountings.collect() })
+    }
+}
+
+/// Names the line of a key that is out of range.
+struct Check<'a> {
+    text: &'a str,
+}
+
+impl Check<'_> {
+    fn within(&self, key: &str, value: f64, valid: RangeInclusive<f64>) -> Result<(), ConfigError> {
+        if valid.contains(&value) {
+            return Ok(());
+        }
+        Err(self.refusal(key, &value.to_string(), &format!("from {} to {}", valid.start(), valid.end())))
+    }
+
+    fn refusal(&self, key: &str, value: &str, valid: &str) -> ConfigError {
+        ConfigError::Range {
+            line: self.line(key).unwrap_or(0),
+            key: key.into(),
+            value: value.into(),
+            valid: valid.into(),
+        }
+    }
+
+    fn line(&self, key: &str) -> Option<usize> {
+        let document = DeTable::parse(self.text).ok()?;
+        let mut segments = key.split('.');
+        let mut entry = document.get_ref().get(segments.next()?)?;
+        for segment in segments {
+            entry = match entry.get_ref() {
+                DeValue::Table(table) => table.get(segment)?,
+                DeValue::Array(array) => array.get(segment.parse::<usize>().ok()?)?,
+                _ => return None,
+            };
+        }
+        let before = self.text.get(..entry.span().start)?;
+        Some(1 + before.matches('\n').count())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn defaults_survive_the_round_trip() {
+        let config = Config::default();
+        assert_eq!(Config::from_toml(&config.to_toml()), Ok(config));
+    }
+
+    #[test]
+    fn a_value_out_of_range_names_line_key_and_range() {
+        let text = "[robot]\nname = \"r\"\nwheel_base_m = 7.5\n";
+        let error = Config::from_toml(text).unwrap_err().to_string();
+        assert_eq!(error, "line 3: robot.wheel_base_m = 7.5 is out of range: it must be from 0.02 to 3");
+    }
+
+    #[test]
+    fn a_sensor_out_of_range_names_its_line() {
+        let text = "[[ring.sensors]]\nbearing_deg = 0\nhalf_angle_deg = 5\n[[ring.sensors]]\nbearing_deg = 0\nhalf_angle_deg = 95\n";
+        let error = Config::from_toml(text).unwrap_err().to_string();
+        assert_eq!(error, "line 6: ring.sensors.1.half_angle_deg = 95 is out of range: it must be from 0 to 60");
+    }
+
+    #[test]
+    fn an_unknown_key_is_refused_with_its_line() {
+        let error = Config::from_toml("[robot]\nwheels = 3\n").unwrap_err().to_string();
+        assert!(error.contains("line 2") && error.contains("wheels"), "{error}");
+    }
+
+    #[test]
+    fn a_clockwise_circle_turns_right() {
+        let config =
+            Config::from_toml("[ring.circle]\ncount = 24\nradius_m = 0.2\nhalf_angle_deg = 10\nclockwise = true\n")
+                .unwrap();
+        let ring = config.ring.ring().unwrap();
+        assert!((ring.mountings[1].robot_from_sensor.theta_rad.to_degrees() + 15.0).abs() < 1e-9);
+        assert!(ring.mountings[6].robot_from_sensor.y_m < -0.19);
+    }
+}

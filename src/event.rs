@@ -1,0 +1,163 @@
+//! What goes into the pipeline and what comes out.
+
+use crate::geometry::Pose2;
+use crate::time::Timestamp;
+use bytes::Bytes;
+use nalgebra::Matrix3;
+
+/// One input. Times never run back.
+#[derive(Clone, Copy, Debug)]
+pub enum Input<'a> {
+    /// Bytes read from the board, in any chunks.
+    Received {
+        /// When the read returned.
+        at: Timestamp,
+        /// The chunk, exactly as read.
+        bytes: &'a [u8],
+    },
+    /// Bytes that were written to the board.
+    Sent {
+        /// When the write returned.
+        at: Timestamp,
+        /// The chunk, exactly as written.
+        bytes: &'a [u8],
+    },
+    /// The deadline named by `Pipeline::next_deadline` has come.
+    Tick {
+        /// That deadline.
+        at: Timestamp,
+    },
+}
+
+/// One output.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Output {
+    /// A frame for the board. Whoever writes it hands it back as [`Input::Sent`].
+    Transmit(Bytes),
+    /// Something that happened.
+    Event(Event),
+}
+
+/// Something that happened, in the order it happened.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Event {
+    /// The board said who it is.
+    Board {
+        /// When it was heard.
+        at: Timestamp,
+        /// Name, firmware and protocol version in words.
+        description: String,
+        /// False where the board speaks another major version: nothing it sends is used.
+        compatible: bool,
+    },
+    /// The ring's geometry is known; sweeps can begin.
+    Ring {
+        /// When it became known.
+        at: Timestamp,
+        /// The number of sensors n.
+        sensors: usize,
+    },
+    /// A sweep has been used: the robot's new pose.
+    Estimate(Estimate),
+    /// A sensor changed its state.
+    Fault(FaultEvent),
+    /// A line of text from the board, control characters removed.
+    BoardLog {
+        /// When it was heard.
+        at: Timestamp,
+        /// The text.
+        text: String,
+    },
+    /// The board restarted: its counters began anew.
+    BoardReset {
+        /// When it was noticed.
+        at: Timestamp,
+    },
+}
+
+/// The robot's pose at one sweep.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate {
+    /// The sweep's reference instant.
+    pub at: Timestamp,
+    /// The sweep's number.
+    pub sweep: u64,
+    /// `map_from_robot`.
+    pub pose: Pose2,
+    /// Covariance of x, y (metres) and theta (radians).
+    pub covariance: Matrix3<f64>,
+    /// `odom_from_robot`: the encoders alone.
+    pub odometry: Pose2,
+}
+
+/// What a sensor's readings are worth.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SensorState {
+    /// Its readings are used.
+    #[default]
+    Healthy,
+    /// Its readings are ignored.
+    Faulty(FaultKind),
+}
+
+/// In which way a sensor is broken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum FaultKind {
+    /// It always hears nothing within range.
+    Saturated,
+    /// It never measures.
+    Missing,
+    /// Its readings scatter.
+    Noisy,
+    /// It always reads the same value.
+    Stuck,
+}
+
+impl FaultKind {
+    /// The word used in files and on the command line.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Saturated => "saturated",
+            Self::Missing => "missing",
+            Self::Noisy => "noisy",
+            Self::Stuck => "stuck",
+        }
+    }
+}
+
+/// A sensor's change of state.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FaultEvent {
+    /// The sweep's reference instant.
+    pub at: Timestamp,
+    /// The sensor's id.
+    pub sensor: usize,
+    /// Its new state.
+    pub state: SensorState,
+    /// Why, in words.
+    pub reason: String,
+}
+
+/// What the pipeline has counted since it began.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Frames whose checksum held.
+    pub frames: u64,
+    /// Frames whose checksum did not hold.
+    pub crc_errors: u64,
+    /// Other frames that could not be decoded: bad stuffing, too long, too short.
+    pub malformed: u64,
+    /// Bytes that belong to no good frame.
+    pub dropped_bytes: u64,
+    /// Good frames that the sequence numbers say are missing.
+    pub lost_frames: u64,
+    /// Good frames of a type this version does not know.
+    pub unknown: u64,
+    /// Good frames whose content was refused.
+    pub refused: u64,
+    /// Sweeps used.
+    pub sweeps: u64,
+    /// Sweeps that were given up because too much of them was missing.
+    pub dropped_sweeps: u64,
+}

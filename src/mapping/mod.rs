@@ -1,0 +1,3 @@
+//! Mapping: what the beams say about space.
+
+pub mod raster;

@@ -1,0 +1,33 @@
+//! A map as a plain rectangle of cells: what is written to files and shown to people.
+
+use crate::geometry::Point;
+
+/// A rectangle of cells in the map frame, with the values of a ROS `OccupancyGrid`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Raster {
+    /// Cells along x.
+    pub width: usize,
+    /// Cells along y.
+    pub height: usize,
+    /// Side of a cell, metres.
+    pub cell_m: f64,
+    /// The lower left corner of cell 0.
+    pub origin: Point,
+    /// −1 unknown, else the probability of being occupied from 0 to 100; row by row from the lower left, `width * height` of them.
+    pub occupancy: Vec<i8>,
+}
+
+impl Raster {
+    /// The value of unknown cells.
+    pub const UNKNOWN: i8 = -1;
+
+    /// The cell that holds a point of the map frame.
+    #[must_use]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked against the raster's bounds")]
+    pub fn cell(&self, point: Point) -> Option<(usize, usize)> {
+        let column = libm::floor((point.x - self.origin.x) / self.cell_m);
+        let row = libm::floor((point.y - self.origin.y) / self.cell_m);
+        let inside = column >= 0.0 && row >= 0.0 && column < self.width as f64 && row < self.height as f64;
+        inside.then_some((column as usize, row as usize))
+    }
+}
