@@ -139,6 +139,19 @@ pub struct FaultEvent {
     pub reason: String,
 }
 
+/// The drive as the estimator has learnt it, with one standard deviation each.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Calibration {
+    /// Right wheel's size over the left's.
+    pub wheel_ratio: f64,
+    /// Its uncertainty.
+    pub wheel_ratio_sigma: f64,
+    /// Distance between the wheels, metres.
+    pub wheel_base_m: f64,
+    /// Its uncertainty, metres.
+    pub wheel_base_sigma_m: f64,
+}
+
 /// What the pipeline has counted since it began.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {

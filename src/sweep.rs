@@ -10,7 +10,9 @@ use crate::time::Timestamp;
 /// What the board said instead of a time of flight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoMeasurement {
-    /// The sensor was not in any message of this sweep.
+    /// The message that would hold it did not arrive: this says nothing about the sensor.
+    Lost,
+    /// The sensor's group fired, but the board had nothing to say of the sensor: it never answered.
     Absent,
     /// The echo pin is stuck.
     EchoPinStuck,

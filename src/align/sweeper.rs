@@ -1,0 +1,180 @@
+//! Pings → sweeps: gathers one cycle of the ring and moves each ping to the sweep's reference instant.
+//!
+//! The ring fires in groups, so one V[k] spans 100-200 ms, in which a robot drives 5-10 cm or turns 6-12 degrees. The reference
+//! instant is the last ping's trigger. A beam is seen from where its sensor was when the sound turned back, half the time
+//! of flight after the trigger; the odometry track tells where that was in the robot frame of the reference instant.
+
+use super::track::{Track, Travel, Wheels};
+use crate::geometry::{Pose2, Ring};
+use crate::sweep::{Beam, NoMeasurement, Sweep};
+use crate::time::{DeviceTime, Timestamp};
+use slamd_protocol::{Echo, Sonar};
+
+/// What one sensor answered in the cycle at hand.
+#[derive(Clone, Copy, Debug)]
+struct Ping {
+    at: DeviceTime,
+    echo: Option<Echo>,
+}
+
+/// Gathers pings into sweeps.
+#[derive(Clone, Debug)]
+pub struct Sweeper {
+    ring: Ring,
+    range_m: std::ops::RangeInclusive<f64>,
+    sound_m_s: f64,
+    pings: Vec<Option<Ping>>,
+    newest: Option<DeviceTime>,
+    previous: Option<(DeviceTime, Travel)>,
+    sweep: Sweep,
+    count: u64,
+    dropped: u64,
+}
+
+/// A sweep that heard fewer than this part of its sensors is given up.
+const LEAST_HEARD: f64 = 0.25;
+
+impl Sweeper {
+    /// A sweeper for a ring whose sensors measure within `range_m`.
+    #[must_use]
+    pub fn new(ring: Ring, range_m: std::ops::RangeInclusive<f64>, temperature_c: f64) -> Self {
+        let pings = vec![None; ring.len()];
+        let sweep = Sweep { beams: Vec::with_capacity(ring.len()), ..Sweep::default() };
+        let mut sweeper = Self { ring, range_m, sound_m_s: 0.0, pings, newest: None, previous: None, sweep, count: 0, dropped: 0 };
+        sweeper.set_temperature(temperature_c);
+        sweeper
+    }
+
+    /// The ring.
+    #[must_use]
+    pub fn ring(&self) -> &Ring {
+        &self.ring
+    }
+
+    /// Sweeps given up because too few of their messages arrived.
+    #[must_use]
+    pub fn dropped(&self) -> u64 {
+        self.dropped
+    }
+
+    /// Air temperature: the speed of sound is 331.3 + 0.606 T metres per second.
+    pub fn set_temperature(&mut self, temperature_c: f64) {
+        self.sound_m_s = 331.3 + 0.606 * temperature_c;
+    }
+
+    /// True where the group has been heard in the cycle at hand: with it a new cycle begins.
+    #[must_use]
+    pub fn has_heard(&self, group: u8) -> bool {
+        self.members(group).any(|sensor| self.pings[sensor].is_some())
+    }
+
+    /// Adds one fired group; `at` is its trigger. Sensors outside the ring are ignored.
+    pub fn add(&mut self, sonar: &Sonar, at: DeviceTime) {
+        for sensor in 0..self.pings.len() {
+            if self.ring.mountings[sensor].group == sonar.group {
+                self.pings[sensor] = Some(Ping { at, echo: None });
+            }
+        }
+        for answer in &sonar.echoes {
+            if let Some(ping) = self.pings.get_mut(usize::from(answer.sensor)) {
+                *ping = Some(Ping { at, echo: Some(answer.echo) });
+            }
+        }
+        self.newest = self.newest.max(Some(at));
+    }
+
+    /// The reference instant of the cycle at hand.
+    #[must_use]
+    pub fn reference(&self) -> Option<DeviceTime> {
+        self.newest
+    }
+
+    /// Ends the cycle at hand. `at` is its reference instant by the host's clock. None where too little was heard.
+    pub fn finish(&mut self, at: Timestamp, track: &Track, wheels: Wheels) -> Option<&Sweep> {
+        let reference = self.newest.take()?;
+        let heard = self.pings.iter().flatten().count();
+        if (heard as f64) < LEAST_HEARD * self.pings.len() as f64 {
+            self.dropped += 1;
+            self.pings.fill(None);
+            return None;
+        }
+        let (odometry, travel) = track.at(reference, wheels)?;
+        let robot_from_odom = odometry.inverse();
+        self.sweep.beams.clear();
+        for (mounting, ping) in self.ring.mountings.iter().zip(&mut self.pings) {
+            let (range_m, no_measurement) = measured(*ping, self.sound_m_s, &self.range_m);
+            let bounce = ping.map(|ping| ping.at + ping.half_flight());
+            let then = bounce.and_then(|bounce| track.at(bounce, wheels)).map_or(odometry, |(pose, _)| pose);
+            self.sweep.beams.push(Beam {
+                range_m,
+                no_measurement,
+                age_s: ping.map_or(f64::NAN, |ping| reference.seconds_since(ping.at)),
+                robot_from_sensor: robot_from_odom * then * mounting.robot_from_sensor,
+                half_angle_rad: mounting.half_angle_rad,
+            });
+            *ping = None;
+        }
+        let (since, before) = self.previous.unwrap_or((reference, travel));
+        self.previous = Some((reference, travel));
+        self.sweep.index = self.count;
+        self.count += 1;
+        self.sweep.at = at;
+        self.sweep.elapsed_s = reference.seconds_since(since);
+        self.sweep.odometry = odometry;
+        self.sweep.left_m = travel.left_m - before.left_m;
+        self.sweep.right_m = travel.right_m - before.right_m;
+        Some(&self.sweep)
+    }
+
+    /// A restarted board: the cycle at hand is lost, the travel goes on.
+    pub fn restart(&mut self) {
+        self.pings.fill(None);
+        self.newest = None;
+        self.previous = self.previous.map(|(_, travel)| (DeviceTime::default(), travel));
+    }
+
+    fn members(&self, group: u8) -> impl Iterator<Item = usize> {
+        let mountings = self.ring.mountings.iter().enumerate();
+        mountings.filter(move |(_, mounting)| mounting.group == group).map(|(sensor, _)| sensor)
+    }
+}
+
+impl Ping {
+    /// From the trigger to the instant the sound turned back.
+    fn half_flight(&self) -> std::time::Duration {
+        match self.echo {
+            Some(Echo::Flight { us }) => std::time::Duration::from_micros(u64::from(us) / 2),
+            _ => std::time::Duration::ZERO,
+        }
+    }
+}
+
+/// REP-117 range of one ping and, where it is NaN, the reason.
+fn measured(
+    ping: Option<Ping>,
+    sound_m_s: f64,
+    valid_m: &std::ops::RangeInclusive<f64>,
+) -> (f64, Option<NoMeasurement>) {
+    let none = |reason| (f64::NAN, Some(reason));
+    match ping {
+        None => none(NoMeasurement::Lost),
+        Some(Ping { echo: None, .. }) => none(NoMeasurement::Absent),
+        Some(Ping { echo: Some(echo), .. }) => match echo {
+            Echo::Flight { us } => {
+                let range_m = 0.5e-6 * f64::from(us) * sound_m_s;
+                if range_m < *valid_m.start() {
+                    (f64::NEG_INFINITY, None)
+                } else if range_m > *valid_m.end() {
+                    (f64::INFINITY, None)
+                } else {
+                    (range_m, None)
+                }
+            }
+            Echo::NoEcho => (f64::INFINITY, None),
+            Echo::PinStuck => none(NoMeasurement::EchoPinStuck),
+            Echo::HighAtTrigger => none(NoMeasurement::HighAtTrigger),
+            Echo::Disabled => none(NoMeasurement::Disabled),
+            Echo::Blanked => none(NoMeasurement::Blanked),
+        },
+    }
+}

@@ -1,0 +1,168 @@
+//! The track of the wheels: where the encoders alone put the robot at any instant of the last seconds.
+//!
+//! Encoder counts arrive with each `SONAR` group (latched at its trigger) and each `ENCODER` message, not always in order of
+//! their stamps. The pose at an instant between two samples lies on the arc that the wheels rolled between them.
+
+use crate::geometry::Pose2;
+use crate::time::DeviceTime;
+use std::collections::VecDeque;
+
+/// Metres of travel per encoder tick, and the wheel base.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wheels {
+    /// Metres a wheel rolls per tick.
+    pub metres_per_tick: f64,
+    /// Metres between the wheels.
+    pub base_m: f64,
+}
+
+/// Travel of both wheels since the track began, metres.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Travel {
+    /// Left wheel.
+    pub left_m: f64,
+    /// Right wheel.
+    pub right_m: f64,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Sample {
+    at: DeviceTime,
+    travel: Travel,
+    pose: Pose2,
+}
+
+/// The last encoder samples in order of time.
+#[derive(Clone, Debug, Default)]
+pub struct Track {
+    samples: VecDeque<Sample>,
+    left: Counter,
+    right: Counter,
+}
+
+/// Two seconds at 50 messages and 40 groups a second.
+const CAPACITY: usize = 180;
+/// Beyond the newest sample the last velocity holds, but no longer than this.
+const EXTRAPOLATE_S: f64 = 0.03;
+
+impl Track {
+    /// Adds absolute encoder counts latched at `at`. One older than all that is kept is ignored.
+    pub fn add(&mut self, at: DeviceTime, left_ticks: i32, right_ticks: i32, wheels: Wheels) {
+        let travel = Travel {
+            left_m: self.left.widen(left_ticks) * wheels.metres_per_tick,
+            right_m: self.right.widen(right_ticks) * wheels.metres_per_tick,
+        };
+        let place = self.samples.partition_point(|sample| sample.at <= at);
+        if place == 0 && !self.samples.is_empty() {
+            return;
+        }
+        self.samples.insert(place, Sample { at, travel, pose: Pose2::default() });
+        for i in place.max(1)..self.samples.len() {
+            let before = self.samples[i - 1];
+            self.samples[i].pose = before.rolled_to(self.samples[i].travel, wheels);
+        }
+        if self.samples.len() > CAPACITY {
+            self.samples.pop_front();
+        }
+    }
+
+    /// Pose in the odom frame and travel at an instant; none before the first sample.
+    #[must_use]
+    pub fn at(&self, at: DeviceTime, wheels: Wheels) -> Option<(Pose2, Travel)> {
+        let after = self.samples.partition_point(|sample| sample.at <= at);
+        let (a, b) = match after {
+            0 => return self.samples.front().map(|first| (first.pose, first.travel)),
+            i if i < self.samples.len() => (self.samples[i - 1], self.samples[i]),
+            i if i >= 2 => (self.samples[i - 2], self.samples[i - 1]),
+            _ => return self.samples.front().map(|only| (only.pose, only.travel)),
+        };
+        let span_s = b.at.seconds_since(a.at);
+        if span_s <= 0.0 {
+            return Some((b.pose, b.travel));
+        }
+        let part = (at.seconds_since(a.at) / span_s).min(1.0 + EXTRAPOLATE_S / span_s);
+        let travel = Travel {
+            left_m: a.travel.left_m + part * (b.travel.left_m - a.travel.left_m),
+            right_m: a.travel.right_m + part * (b.travel.right_m - a.travel.right_m),
+        };
+        Some((a.rolled_to(travel, wheels), travel))
+    }
+
+    /// A restarted board counts from anywhere: goes on from the newest pose, whatever the next counts are.
+    pub fn restart(&mut self) {
+        if let Some(mut newest) = self.samples.pop_back() {
+            newest.at = DeviceTime::default();
+            self.samples.clear();
+            self.samples.push_back(newest);
+        }
+        self.left.restart();
+        self.right.restart();
+    }
+}
+
+impl Sample {
+    fn rolled_to(&self, travel: Travel, wheels: Wheels) -> Pose2 {
+        self.pose.rolled(travel.left_m - self.travel.left_m, travel.right_m - self.travel.right_m, wheels.base_m)
+    }
+}
+
+/// One encoder's wrapping count as ticks since the track began.
+#[derive(Clone, Copy, Debug, Default)]
+struct Counter {
+    last: Option<i32>,
+    ticks: i64,
+}
+
+impl Counter {
+    fn widen(&mut self, count: i32) -> f64 {
+        let step = self.last.map_or(0, |last| count.wrapping_sub(last));
+        self.last = Some(count);
+        self.ticks += i64::from(step);
+        self.ticks as f64
+    }
+
+    fn restart(&mut self) {
+        self.last = None;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WHEELS: Wheels = Wheels { metres_per_tick: 0.001, base_m: 0.3 };
+
+    #[test]
+    fn between_samples_lies_on_the_arc() {
+        let mut track = Track::default();
+        track.add(DeviceTime::from_us(0), 100, 100, WHEELS);
+        track.add(DeviceTime::from_us(100_000), 140, 160, WHEELS);
+        let (pose, travel) = track.at(DeviceTime::from_us(50_000), WHEELS).unwrap();
+        assert_eq!(pose, Pose2::default().rolled(0.02, 0.03, 0.3));
+        assert!((travel.right_m - 0.03).abs() < 1e-12);
+    }
+
+    #[test]
+    fn order_of_arrival_does_not_matter() {
+        let samples = [(0, 0, 0), (20_000, 5, 9), (40_000, 12, 14), (60_000, 20, 30)];
+        let mut in_order = Track::default();
+        let mut late = Track::default();
+        samples.iter().for_each(|&(t, l, r)| in_order.add(DeviceTime::from_us(t), l, r, WHEELS));
+        [0, 2, 1, 3].iter().map(|&i| samples[i]).for_each(|(t, l, r)| late.add(DeviceTime::from_us(t), l, r, WHEELS));
+        let end = DeviceTime::from_us(60_000);
+        assert_eq!(in_order.at(end, WHEELS), late.at(end, WHEELS));
+    }
+
+    #[test]
+    fn counters_wrap_and_restart_without_a_jump() {
+        let mut track = Track::default();
+        track.add(DeviceTime::from_us(1_000), i32::MAX, i32::MAX, WHEELS);
+        track.add(DeviceTime::from_us(2_000), i32::MIN + 9, i32::MIN + 9, WHEELS);
+        let (before, _) = track.at(DeviceTime::from_us(2_000), WHEELS).unwrap();
+        assert!((before.x_m - 0.01).abs() < 1e-12);
+        track.restart();
+        track.add(DeviceTime::from_us(500), 77, 77, WHEELS);
+        let (after, _) = track.at(DeviceTime::from_us(500), WHEELS).unwrap();
+        assert_eq!(before, after);
+    }
+}

@@ -1,0 +1,4 @@
+//! Fault detection: which sensors' readings are worth nothing.
+
+pub mod detector;
+pub mod pca;

@@ -1,0 +1,3 @@
+//! Orientation: the directions of a building's walls, and from them the robot's heading.
+
+pub mod axis;

@@ -1,0 +1,286 @@
+//! Returns → walls → pose: which wall each beam has seen, and what that says of the pose.
+
+use super::beam_model::{Side, Sighting, sight};
+use super::filter::{Filter, MAX_WALLS, Measurement, ROBOT};
+use super::nursery::Nursery;
+use crate::geometry::Pose2;
+use crate::sweep::{Beam, Sweep};
+use nalgebra::SVector;
+
+/// One wall; its offset is in the filter under the same index.
+#[derive(Clone, Copy, Debug)]
+pub struct Wall {
+    /// The side it is seen from.
+    pub side: Side,
+    /// Where along it it has been seen, metres.
+    pub lo_m: f64,
+    /// The other end.
+    pub hi_m: f64,
+    /// Sweeps that have seen it.
+    pub hits: u32,
+    last_sweep: u64,
+}
+
+/// A wall out of the filter's sight, with its offset and variance as they were.
+#[derive(Clone, Copy, Debug)]
+struct Parked {
+    wall: Wall,
+    offset_m: f64,
+    variance: f64,
+}
+
+/// What became of a beam.
+#[derive(Clone, Copy, Debug)]
+pub enum Use {
+    /// It heard this wall.
+    Wall(Sighting),
+    /// It heard something else.
+    Unexplained,
+    /// It was not trusted, or heard nothing.
+    Unused,
+}
+
+/// Keeps the walls and the pose.
+#[derive(Clone, Debug)]
+pub struct Tracker {
+    /// The filter over pose, wheels and walls.
+    pub filter: Filter,
+    walls: Vec<Wall>,
+    parked: Vec<Parked>,
+    nursery: Nursery,
+    uses: Vec<Use>,
+    matches: Vec<Option<usize>>,
+    nis: f64,
+}
+
+/// Innovations farther out than this many standard deviations belong to something else.
+const GATE_SIGMA: f64 = 3.5;
+/// Walls are not that flat, and sounds not that straight: floor of one wall's fused noise, metres.
+const MODEL_SIGMA_M: f64 = 0.008;
+/// A wall may be heard this far beyond where it has been seen.
+const MARGIN_M: f64 = 0.35;
+/// Two sightings of one side nearer than this, and within the gate, are one wall.
+const SAME_WALL_M: f64 = 0.07;
+const SAME_GAP_M: f64 = 0.6;
+/// Walls farther than this leave the filter when it is full, and come back when nearer.
+const PARK_M: f64 = 6.0;
+const UNPARK_M: f64 = 4.5;
+/// Walls that many places must stay free for.
+const SPARE: usize = 12;
+
+impl Tracker {
+    /// A tracker for a robot at `pose` in the building frame.
+    #[must_use]
+    pub fn new(pose: Pose2, heading_sigma_rad: f64, nominal_base_m: f64) -> Self {
+        Self {
+            filter: Filter::new(pose, heading_sigma_rad, nominal_base_m),
+            walls: Vec::with_capacity(MAX_WALLS),
+            parked: Vec::new(),
+            nursery: Nursery::default(),
+            uses: Vec::new(),
+            matches: Vec::new(),
+            nis: f64::NAN,
+        }
+    }
+
+    /// The walls in the filter.
+    #[must_use]
+    pub fn walls(&self) -> &[Wall] {
+        &self.walls
+    }
+
+    /// What became of each beam of the last sweep.
+    #[must_use]
+    pub fn uses(&self) -> &[Use] {
+        &self.uses
+    }
+
+    /// Normalised innovation squared of the last sweep, per wall seen; NaN where it saw none.
+    #[must_use]
+    pub fn nis(&self) -> f64 {
+        self.nis
+    }
+
+    /// Moves the pose with the wheels.
+    pub fn predict(&mut self, sweep: &Sweep) {
+        self.filter.predict(sweep.left_m, sweep.right_m);
+    }
+
+    /// Range at which a healthy beam must hear a wall that is well known and squarely in its cone, if there is one.
+    #[must_use]
+    pub fn expected_range(&self, beam: &Beam) -> Option<f64> {
+        let sensor = self.filter.pose() * beam.robot_from_sensor;
+        let mut nearest: Option<f64> = None;
+        for (index, wall) in self.walls.iter().enumerate() {
+            let off_rad = crate::geometry::wrap_angle(sensor.theta_rad - wall.side.normal_rad());
+            if wall.hits < 15 || off_rad.abs() > 0.7 * beam.half_angle_rad.max(0.1) {
+                continue;
+            }
+            let (across_m, along_m) = wall.side.split(sensor.position());
+            let depth_m = wall.side.sign() * (self.filter.offset_m(index) - across_m);
+            if depth_m > 0.05 && along_m > wall.lo_m + 0.1 && along_m < wall.hi_m - 0.1 {
+                nearest = Some(nearest.map_or(depth_m, |n: f64| n.min(depth_m)));
+            }
+        }
+        nearest
+    }
+
+    /// Corrects the pose with the beams that `is_trusted`, and learns walls from those that no wall explains.
+    pub fn correct(&mut self, sweep: &Sweep, is_trusted: impl Fn(usize) -> bool) {
+        self.uses.clear();
+        self.matches.clear();
+        for (sensor, beam) in sweep.beams.iter().enumerate() {
+            let sighting = if is_trusted(sensor) { sight(self.filter.pose(), beam) } else { None };
+            let found = sighting.and_then(|sighting| self.wall_of(&sighting));
+            self.matches.push(found);
+            self.uses.push(match (sighting, found) {
+                (Some(sighting), Some(_)) => Use::Wall(sighting),
+                _ if is_trusted(sensor) && beam.has_range() => Use::Unexplained,
+                _ => Use::Unused,
+            });
+        }
+        let (mut nis_sum, mut seen) = (0.0, 0.0);
+        for index in 0..self.walls.len() {
+            if let Some(measurement) = self.fuse(sweep, index) {
+                nis_sum += measurement.innovation.powi(2) / self.filter.innovation_variance(&measurement);
+                seen += 1.0;
+                self.filter.update(&measurement);
+                self.walls[index].hits += 1;
+                self.walls[index].last_sweep = sweep.index;
+            }
+        }
+        self.nis = nis_sum / seen;
+        self.learn(sweep);
+        self.merge();
+        self.park();
+    }
+
+    /// The wall that explains a sighting best, within the gate.
+    fn wall_of(&self, sighting: &Sighting) -> Option<usize> {
+        let mut best: Option<(f64, usize)> = None;
+        for (index, wall) in self.walls.iter().enumerate() {
+            let reaches = sighting.along_m > wall.lo_m - MARGIN_M && sighting.along_m < wall.hi_m + MARGIN_M;
+            if wall.side != sighting.side || !reaches {
+                continue;
+            }
+            let measurement = self.measure(sighting, index);
+            let variance = self.filter.innovation_variance(&measurement) + MODEL_SIGMA_M * MODEL_SIGMA_M;
+            let distance = measurement.innovation * measurement.innovation / variance;
+            if distance < GATE_SIGMA * GATE_SIGMA && best.is_none_or(|(least, _)| distance < least) {
+                best = Some((distance, index));
+            }
+        }
+        best.map(|(_, index)| index)
+    }
+
+    fn measure(&self, sighting: &Sighting, wall: usize) -> Measurement {
+        let sign = sighting.side.sign();
+        let expected_m = sign * (self.filter.offset_m(wall) - sighting.across_m);
+        Measurement {
+            innovation: sighting.depth_m - expected_m,
+            robot: sighting.by_robot,
+            wall: (wall, sign),
+            variance: sighting.variance,
+        }
+    }
+
+    /// All beams on one wall as one measurement at the pose as it is now.
+    fn fuse(&mut self, sweep: &Sweep, wall: usize) -> Option<Measurement> {
+        let (mut weight, mut innovation, mut robot) = (0.0, 0.0, SVector::<f64, ROBOT>::zeros());
+        for sensor in 0..self.matches.len() {
+            if self.matches[sensor] != Some(wall) {
+                continue;
+            }
+            let Some(sighting) = sight(self.filter.pose(), &sweep.beams[sensor]) else { continue };
+            let measurement = self.measure(&sighting, wall);
+            weight += 1.0 / measurement.variance;
+            innovation += measurement.innovation / measurement.variance;
+            robot += measurement.robot / measurement.variance;
+            if sighting.oblique_rad < 0.1 {
+                let extent = &mut self.walls[wall];
+                extent.lo_m = extent.lo_m.min(sighting.along_m);
+                extent.hi_m = extent.hi_m.max(sighting.along_m);
+            }
+        }
+        (weight > 0.0).then(|| Measurement {
+            innovation: innovation / weight,
+            robot: robot / weight,
+            wall: (wall, self.walls[wall].side.sign()),
+            variance: 1.0 / weight + MODEL_SIGMA_M * MODEL_SIGMA_M,
+        })
+    }
+
+    /// Gathers what no wall explains, until it is a wall.
+    fn learn(&mut self, sweep: &Sweep) {
+        for sensor in 0..self.uses.len() {
+            if !matches!(self.uses[sensor], Use::Unexplained) {
+                continue;
+            }
+            let Some(sighting) = sight(self.filter.pose(), &sweep.beams[sensor]) else { continue };
+            let Some(new) = self.nursery.add(&sighting, sweep.index) else { continue };
+            let by_robot = sighting.by_robot * -sighting.side.sign();
+            if self.filter.add(new.offset_m, &by_robot, MODEL_SIGMA_M * MODEL_SIGMA_M * 2.0).is_some() {
+                let wall = Wall { side: new.side, lo_m: new.lo_m, hi_m: new.hi_m, hits: 1, last_sweep: sweep.index };
+                self.walls.push(wall);
+            }
+        }
+    }
+
+    /// Makes one wall of two that are the same.
+    fn merge(&mut self) {
+        let Some(newest) = self.walls.len().checked_sub(1) else { return };
+        // Walls drift together by updates, but only a few pairs: one merge a sweep is enough.
+        for a in 0..newest {
+            for b in a + 1..=newest {
+                let (one, other) = (self.walls[a], self.walls[b]);
+                let gap_m = (one.lo_m - other.hi_m).max(other.lo_m - one.hi_m);
+                let apart_m = (self.filter.offset_m(a) - self.filter.offset_m(b)).abs();
+                if one.side != other.side || gap_m > SAME_GAP_M || apart_m > SAME_WALL_M {
+                    continue;
+                }
+                let noise = MODEL_SIGMA_M * MODEL_SIGMA_M * 2.0;
+                if apart_m.powi(2) > 9.0 * (self.filter.difference_variance(a, b) + noise) {
+                    continue;
+                }
+                self.filter.merge(a, b, noise);
+                self.walls[a].lo_m = one.lo_m.min(other.lo_m);
+                self.walls[a].hi_m = one.hi_m.max(other.hi_m);
+                self.walls[a].hits += other.hits;
+                self.walls.swap_remove(b);
+                return;
+            }
+        }
+    }
+
+    /// Keeps places free in the filter: far walls leave it, and come back when the robot does.
+    fn park(&mut self) {
+        let pose = self.filter.pose();
+        let returning = self.parked.iter().position(|p| p.wall.distance_m(p.offset_m, pose) < UNPARK_M);
+        if let (Some(index), true) = (returning, self.walls.len() < MAX_WALLS - SPARE) {
+            let parked = self.parked.swap_remove(index);
+            if self.filter.add(parked.offset_m, &SVector::zeros(), parked.variance).is_some() {
+                self.walls.push(parked.wall);
+            }
+        }
+        if self.walls.len() <= MAX_WALLS - SPARE {
+            return;
+        }
+        let distance_m = |index: usize| self.walls[index].distance_m(self.filter.offset_m(index), pose);
+        let farthest = (0..self.walls.len()).max_by(|&a, &b| distance_m(a).total_cmp(&distance_m(b)));
+        if let Some(index) = farthest.filter(|&index| distance_m(index) > PARK_M) {
+            let offset_m = self.filter.offset_m(index);
+            let variance = self.filter.wall_variance(index);
+            self.filter.remove(index);
+            self.parked.push(Parked { wall: self.walls.swap_remove(index), offset_m, variance });
+        }
+    }
+}
+
+impl Wall {
+    /// Distance from the robot to the nearest seen part of the wall, metres.
+    fn distance_m(&self, offset_m: f64, pose: Pose2) -> f64 {
+        let (across_m, along_m) = self.side.split(pose.position());
+        let beyond_m = (self.lo_m - along_m).max(along_m - self.hi_m).max(0.0);
+        ((offset_m - across_m).powi(2) + beyond_m.powi(2)).sqrt()
+    }
+}

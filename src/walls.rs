@@ -1,0 +1,192 @@
+//! The default method: the walls of an orthogonal building in one filter with the pose.
+//!
+//! 1. PCA over three instants, with the map's evidence, tells which sensors to distrust ([`crate::fault`]).
+//! 2. A Hough transform over sonar arcs finds the building's axis, at the start from the first sweeps and later, from the last
+//!    ones, as a check on the heading ([`crate::orientation`]).
+//! 3. An extended Kalman filter over pose, wheels and wall offsets follows the robot ([`crate::position`]).
+//! 4. Beams clear their cones and mark the walls they heard ([`crate::mapping`]).
+//!
+//! The map frame has its origin where the robot started and its axes along the building's walls. Poses of the sweeps before the axis
+//! was found follow at once when it is.
+
+use crate::config::Config;
+use crate::event::{Calibration, Estimate, Event, SensorState};
+use crate::fault::detector::Detector;
+use crate::fault::pca::{PcaBlock, trust};
+use crate::geometry::{Pose2, Ring, wrap_angle};
+use crate::mapping::cone::{self, Target};
+use crate::mapping::grid::OccupancyGrid;
+use crate::mapping::raster::Raster;
+use crate::orientation::axis::AxisFinder;
+use crate::position::tracker::{Tracker, Use};
+use crate::sweep::Sweep;
+use std::f64::consts::FRAC_PI_2;
+
+/// The walls method at work.
+#[derive(Debug)]
+pub struct Walls {
+    max_range_m: f64,
+    wheel_base_m: f64,
+    pca: PcaBlock,
+    unrest_m2: Vec<f64>,
+    detector: Detector,
+    axis: AxisFinder,
+    axis_sweeps: usize,
+    waiting: Vec<Sweep>,
+    tracker: Option<Tracker>,
+    grid: OccupancyGrid,
+}
+
+/// Sweeps that the first axis is sought in, and the most that are waited for.
+const FIRST_SWEEPS: usize = 25;
+const MOST_SWEEPS: usize = 60;
+/// A direction is believed when its votes gather this much better than the median direction's.
+const CONTRAST: f64 = 1.25;
+const AXIS_SIGMA_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
+/// How much of a sensor's past unrest counts, and from which unrest on it loses its say in the first component.
+const MEMORY: f64 = 0.5;
+const CALM_M2: f64 = 0.01;
+/// Sweeps between two checks of the heading.
+const CHECK_SWEEPS: usize = 25;
+/// A check farther off than this speaks of another axis, not of drift.
+const CHECK_RAD: f64 = 20.0 * std::f64::consts::PI / 180.0;
+
+impl Walls {
+    /// The method for a robot and its ring.
+    #[must_use]
+    pub fn new(config: &Config, ring: &Ring) -> Self {
+        Self {
+            max_range_m: config.ring.max_range_m,
+            wheel_base_m: config.robot.wheel_base_m,
+            pca: PcaBlock::new(ring.len(), config.ring.max_range_m),
+            unrest_m2: vec![0.0; ring.len()],
+            detector: Detector::new(ring.len(), config.ring.max_range_m),
+            axis: AxisFinder::default(),
+            axis_sweeps: 0,
+            waiting: Vec::with_capacity(MOST_SWEEPS),
+            tracker: None,
+            grid: OccupancyGrid::new(config.map.cell_m),
+        }
+    }
+
+    /// Uses one sweep.
+    pub fn update(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
+        match self.tracker {
+            Some(_) => self.follow(sweep, events),
+            None => self.seek(sweep, events),
+        }
+    }
+
+    /// Each sensor's state.
+    #[must_use]
+    pub fn states(&self) -> &[SensorState] {
+        self.detector.states()
+    }
+
+    /// The map.
+    #[must_use]
+    pub fn raster(&self) -> Raster {
+        self.grid.raster()
+    }
+
+    /// The wheels as learnt so far.
+    #[must_use]
+    pub fn calibration(&self) -> Calibration {
+        let nominal = Calibration { wheel_ratio: 1.0, wheel_base_m: self.wheel_base_m, ..Calibration::default() };
+        self.tracker.as_ref().map_or(nominal, |tracker| tracker.filter.calibration())
+    }
+
+    /// Gathers the first sweeps until they agree on the building's axis, then uses them all.
+    fn seek(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
+        self.waiting.push(sweep.clone());
+        for beam in &sweep.beams {
+            self.axis.add(sweep.odometry, beam);
+        }
+        let waited = self.waiting.len();
+        if waited < MOST_SWEEPS && !waited.is_multiple_of(FIRST_SWEEPS) {
+            return;
+        }
+        let axis = self.axis.find().filter(|axis| axis.contrast >= CONTRAST);
+        if axis.is_none() && waited < MOST_SWEEPS {
+            return;
+        }
+        let heading_rad = self.waiting[0].odometry.theta_rad - axis.map_or(0.0, |axis| axis.angle_rad);
+        // Without an axis any direction is as good as another: the first heading becomes the map's x axis.
+        let sigma_rad = if axis.is_some() { AXIS_SIGMA_RAD } else { 0.25 * FRAC_PI_2 };
+        self.tracker = Some(Tracker::new(Pose2::new(0.0, 0.0, heading_rad), sigma_rad, self.wheel_base_m));
+        self.axis.clear();
+        for mut sweep in std::mem::take(&mut self.waiting) {
+            if sweep.index == 0 {
+                (sweep.left_m, sweep.right_m) = (0.0, 0.0);
+            }
+            self.follow(&sweep, events);
+        }
+    }
+
+    /// The method itself, one sweep.
+    fn follow(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
+        let Some(tracker) = &mut self.tracker else { return };
+        tracker.predict(sweep);
+        let residual_m2 = if self.pca.push(sweep) {
+            self.pca.analyse(|sensor| trust(self.unrest_m2[sensor], CALM_M2));
+            for (unrest, residual) in self.unrest_m2.iter_mut().zip(self.pca.residuals_m2()) {
+                *unrest = MEMORY * *unrest + (1.0 - MEMORY) * residual;
+            }
+            self.pca.residuals_m2()
+        } else {
+            &[]
+        };
+        let expected_m = |sensor: usize| tracker.expected_range(&sweep.beams[sensor]);
+        self.detector.inspect(sweep, residual_m2, expected_m, events);
+        tracker.correct(sweep, |sensor| self.detector.is_trusted(sensor));
+        self.check_heading(sweep);
+        self.draw(sweep);
+        if let Some(tracker) = &self.tracker {
+            events.push(Event::Estimate(Estimate {
+                at: sweep.at,
+                sweep: sweep.index,
+                pose: tracker.filter.pose(),
+                covariance: tracker.filter.pose_covariance(),
+                odometry: sweep.odometry,
+            }));
+        }
+    }
+
+    /// Every few seconds the axis of what was just heard must be the building's.
+    fn check_heading(&mut self, sweep: &Sweep) {
+        let Some(tracker) = &mut self.tracker else { return };
+        for (sensor, beam) in sweep.beams.iter().enumerate() {
+            if self.detector.is_trusted(sensor) {
+                self.axis.add(tracker.filter.pose(), beam);
+            }
+        }
+        self.axis_sweeps += 1;
+        if self.axis_sweeps < CHECK_SWEEPS {
+            return;
+        }
+        let believed = self.axis.find().filter(|axis| axis.contrast >= CONTRAST && axis.angle_rad.abs() < CHECK_RAD);
+        if let Some(axis) = believed {
+            tracker.filter.update_heading(-axis.angle_rad, AXIS_SIGMA_RAD * AXIS_SIGMA_RAD);
+        }
+        self.axis.clear();
+        self.axis_sweeps = 0;
+    }
+
+    /// Draws what the trusted beams heard.
+    fn draw(&mut self, sweep: &Sweep) {
+        let Some(tracker) = &self.tracker else { return };
+        let pose = tracker.filter.pose();
+        for (sensor, (beam, used)) in sweep.beams.iter().zip(tracker.uses()).enumerate() {
+            let (range_m, target) = match used {
+                Use::Wall(sighting) => {
+                    let along_rad = wrap_angle(sighting.side.normal_rad() + FRAC_PI_2);
+                    (beam.range_m, Target::Wall(sighting.point(), along_rad))
+                }
+                Use::Unexplained => (beam.range_m, Target::Something),
+                Use::Unused if beam.is_clear() && self.detector.is_trusted(sensor) => (self.max_range_m, Target::Nothing),
+                Use::Unused => continue,
+            };
+            cone::draw(&mut self.grid, pose * beam.robot_from_sensor, beam.half_angle_rad, range_m, target);
+        }
+    }
+}
