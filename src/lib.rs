@@ -7,6 +7,12 @@
 pub mod config;
 pub mod event;
 pub mod geometry;
-pub mod mapping;
 pub mod sweep;
 pub mod time;
+
+pub mod fault;
+pub mod mapping;
+pub mod orientation;
+pub mod position;
+
+pub mod paper;

@@ -1,3 +1,4 @@
 //! Mapping: what the beams say about space.
 
+pub mod binary_grid;
 pub mod raster;

@@ -1,0 +1,4 @@
+//! Fault detection: which sensors' readings are worth using.
+
+pub mod paper_detector;
+pub mod pca;

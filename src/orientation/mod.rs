@@ -1,0 +1,4 @@
+//! Orientation: where the robot looks, from the walls it sees.
+
+pub mod heading;
+pub mod hough;

@@ -1,0 +1,3 @@
+//! Position: where the robot stands.
+
+pub mod paper_ekf;
