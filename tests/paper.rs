@@ -1,7 +1,8 @@
 //! The paper's method where it works: point beams, ideal wheels, a rectangular room whose walls are always in range.
 
 use slamd::config::Config;
-use slamd::event::{Estimate, Event};
+use slamd::event::{Estimate, Event, FaultEvent, FaultKind, SensorState};
+use slamd::fault::paper_detector::{IGNORED_SWEEPS, PaperDetector};
 use slamd::geometry::{Point, Pose2, Ring, wrap_angle};
 use slamd::paper::Paper;
 use slamd::sweep::{Beam, NoMeasurement, Sweep};
@@ -32,13 +33,13 @@ impl Dice {
 /// A robot on an ellipse in the room, at sweep k.
 fn truth(k: u32) -> Pose2 {
     let phase = 0.012 * f64::from(k);
-    let (x, y) = (1.2 * phase.cos(), 0.7 * phase.sin());
-    Pose2::new(x, y, (0.7 * phase.cos()).atan2(-1.2 * phase.sin()))
+    let (sin, cos) = libm::sincos(phase);
+    Pose2::new(1.2 * cos, 0.7 * sin, libm::atan2(0.7 * cos, -1.2 * sin))
 }
 
 /// What a point beam measures.
 fn range(room_from_sensor: Pose2) -> f64 {
-    let (sin, cos) = room_from_sensor.theta_rad.sin_cos();
+    let (sin, cos) = libm::sincos(room_from_sensor.theta_rad);
     let along = |position: f64, direction: f64, half: f64| {
         if direction.abs() < 1e-12 { f64::INFINITY } else { (half.copysign(direction) - position) / direction }
     };
@@ -151,4 +152,100 @@ fn the_papers_eight_faults_leave_heading_position_and_walls() {
     println!("paper's faults: {heading_deg:.2} deg, {position_m:.3} m, walls {:?}", walls_found(&paper));
     assert!(heading_deg < 2.0 && position_m < 0.08, "{heading_deg} deg, {position_m} m");
     assert!(walls_found(&paper).iter().all(|share| *share > 0.9), "{:?}", walls_found(&paper));
+}
+
+/// The detector alone on such a drive: its events, and the number of sweeps for which each sensor was ignored.
+fn judge(sweeps: u32, mut fault: impl FnMut(usize, u32, f64, &mut Dice) -> f64) -> (Vec<FaultEvent>, Vec<u32>) {
+    let mut detector = PaperDetector::new(usize::from(SENSORS), MAX_RANGE_M);
+    let (mut dice, mut events, mut ignored) = (Dice(3), Vec::new(), vec![0; usize::from(SENSORS)]);
+    for k in 0..sweeps {
+        let sweep = sweep(k, &mut dice, &mut |sensor, healthy, dice| fault(sensor, k, healthy, dice));
+        detector.inspect(&sweep, &mut events);
+        for (count, state) in ignored.iter_mut().zip(detector.states()) {
+            *count += u32::from(*state != SensorState::Healthy);
+        }
+    }
+    let faults = events.into_iter().filter_map(|e| if let Event::Fault(fault) = e { Some(fault) } else { None });
+    (faults.collect(), ignored)
+}
+
+#[test]
+fn the_papers_faults_are_found_except_the_saturated() {
+    let (faults, ignored) = judge(600, |sensor, _, healthy, dice| paper_faults(sensor, healthy, dice));
+    println!("ignored sweeps by sensor: {ignored:?}");
+    let kinds = |sensor| faults.iter().filter(move |fault| fault.sensor == sensor).map(|fault| fault.state);
+    for missing in [8, 25] {
+        assert_eq!(kinds(missing).collect::<Vec<_>>(), [SensorState::Faulty(FaultKind::Missing)]);
+        assert_eq!(ignored[missing], 592, "from the ninth sweep on");
+    }
+    for noisy in [5, 12, 22, 30] {
+        assert_eq!(kinds(noisy).next(), Some(SensorState::Faulty(FaultKind::Noisy)));
+        assert!(ignored[noisy] > 570, "{ignored:?}");
+    }
+    assert_eq!((ignored[3], ignored[19]), (0, 0), "a row that never changes: the literal method cannot see it");
+}
+
+#[test]
+fn a_stuck_sensor_is_found_while_the_robot_moves() {
+    let (faults, ignored) = judge(100, |sensor, k, healthy, _| if sensor == 4 && k > 30 { 0.7 } else { healthy });
+    let stuck = faults.iter().find(|fault| fault.state == SensorState::Faulty(FaultKind::Stuck)).unwrap();
+    assert_eq!(stuck.sensor, 4);
+    assert!(stuck.reason.starts_with("read 0.700 m"), "{}", stuck.reason);
+    assert!(ignored[4] > 50, "{ignored:?}");
+}
+
+#[test]
+fn a_single_noisy_sensor_hides_in_the_first_component() {
+    let (_, ignored) = judge(300, |sensor, _, healthy, dice| if sensor == 9 { wild(healthy, dice) } else { healthy });
+    assert!(ignored[9] < 30, "literal: {ignored:?}");
+}
+
+#[test]
+fn falling_silent_is_noticed_and_forgiven_because_silence_itself_is_not_seen() {
+    let silent_from = 90;
+    let (faults, _) = judge(200, |sensor, k, healthy, _| {
+        let near = healthy.min(1.0);
+        if sensor != 6 {
+            healthy
+        } else if k < silent_from {
+            near
+        } else {
+            f64::INFINITY
+        }
+    });
+    let of_six: Vec<&FaultEvent> = faults.iter().filter(|fault| fault.sensor == 6).collect();
+    assert_eq!(of_six.last().unwrap().state, SensorState::Healthy, "{of_six:?}");
+    assert!(of_six.iter().any(|fault| matches!(fault.state, SensorState::Faulty(_))));
+}
+
+#[test]
+fn noisy_sensors_that_recover_are_forgiven_after_the_stated_time() {
+    let (faults, _) =
+        judge(
+            120,
+            |sensor, k, healthy, dice| {
+                if [2, 9, 16, 23].contains(&sensor) && k < 30 { wild(healthy, dice) } else { healthy }
+            },
+        );
+    let of_nine: Vec<&FaultEvent> = faults.iter().filter(|fault| fault.sensor == 9).collect();
+    let forgiven = of_nine.iter().find(|fault| fault.state == SensorState::Healthy).unwrap();
+    let sweeps = forgiven.at.us() / 100_000;
+    assert!((29 + IGNORED_SWEEPS..29 + IGNORED_SWEEPS + 18).contains(&sweeps), "{of_nine:?}");
+}
+
+#[test]
+fn silence_absence_and_nonsense_are_no_danger() {
+    let ring = Ring::circle(8, 0.15, 0.0, 1);
+    let mut paper = Paper::new(&Config::default(), &ring);
+    let mut events = Vec::new();
+    let mut dice = Dice(1);
+    for k in 0..40 {
+        let odd = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -5.0, 0.0];
+        let mut sweep = sweep(k, &mut dice, &mut |sensor, _, _| odd[sensor % odd.len()]);
+        sweep.elapsed_s = [f64::NAN, 1e9, -1.0, 0.0][k as usize % 4];
+        sweep.beams.truncate(k as usize);
+        paper.update(&sweep, &mut events);
+    }
+    assert_eq!(events.iter().filter(|event| matches!(event, Event::Estimate(_))).count(), 40);
+    assert_eq!(paper.states().len(), 8);
 }

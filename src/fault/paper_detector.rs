@@ -12,7 +12,8 @@
 //! instants is declared missing, and one that reads the same distance nine times while the robot moves is declared stuck.
 //!
 //! **What it cannot see.** A sensor that always saturates is such a row, too, and silence in an open room is healthy: only
-//! the *change* to silence is noticed, and forgiven [`IGNORED_SWEEPS`] later. And healthy sonars jump whenever the nearest
+//! the *change* to silence is noticed, and forgiven [`IGNORED_SWEEPS`] later. A *single* wild sensor is itself the
+//! first component and has no residual either; of several, all are found. And healthy sonars jump whenever the nearest
 //! reflector in their cone changes, which three instants cannot tell from noise: expect one healthy sensor in four or five to be
 //! ignored among furniture.
 
@@ -115,7 +116,7 @@ impl PaperDetector {
     /// Equation 4 for this block, mixed with the blocks before.
     fn chain(&mut self) {
         let records = &self.records;
-        let mspe = self.block.analyse(|sensor| f64::from(u8::from(records[sensor].ignored == 0)));
+        let mspe = self.block.analyse(|sensor, _| f64::from(u8::from(records[sensor].ignored == 0)));
         let mix = |old: f64, new: f64| CHAIN * old + (1.0 - CHAIN) * new;
         let first = self.mspe_m2.is_none();
         self.mspe_m2 = Some(self.mspe_m2.map_or(mspe, |old| mix(old, mspe)));

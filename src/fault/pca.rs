@@ -72,22 +72,28 @@ impl PcaBlock {
 
     /// Rebuilds the block from its first component and returns the MSPE (equation 4), every row counting alike.
     ///
-    /// `weight` gives each sensor's say, from 0 to 1, in what the first component *is*; it does not change how its residual is
-    /// measured. With weight 1 everywhere this is the paper; [`trust`] keeps one wild sensor from becoming the component.
-    pub fn analyse(&mut self, weight: impl Fn(usize) -> f64) -> f64 {
+    /// `weight` gives each sensor's say, from 0 to 1, in what the first component *is*, from its number and its variation in this
+    /// block (the mean square of its centred rows, square metres); it does not change how its residual is measured. With weight 1
+    /// everywhere this is the paper, and a single wild sensor *is* the first component, residual 0. [`trust`] of the
+    /// variation keeps it from that; trust of the last residual does not, for that residual was 0.
+    pub fn analyse(&mut self, weight: impl Fn(usize, f64) -> f64) -> f64 {
         let sensors = self.residuals_m2.len();
         let mut gram = Matrix3::zeros();
-        for (index, row) in self.rows.iter().enumerate() {
-            let w = if index < 2 * sensors { weight(index % sensors) } else { 1.0 };
-            let c = self.centred(index, row);
-            gram += w * c * c.transpose();
+        for sensor in 0..sensors {
+            let [x, y] = [sensor, sensors + sensor].map(|row| self.centred(row));
+            let variation_m2 = (x.norm_squared() + y.norm_squared()) / (2 * INSTANTS) as f64;
+            gram += weight(sensor, variation_m2) * (x * x.transpose() + y * y.transpose());
+        }
+        for odometry in 2 * sensors..self.rows.len() {
+            let c = self.centred(odometry);
+            gram += c * c.transpose();
         }
         let v = first_eigenvector(gram);
 
         self.residuals_m2.fill(0.0);
         let mut total = 0.0;
-        for (index, row) in self.rows.iter().enumerate() {
-            let c = self.centred(index, row);
+        for index in 0..self.rows.len() {
+            let c = self.centred(index);
             let lost = (c - c.dot(&v) * v).norm_squared();
             total += lost;
             if index < 2 * sensors {
@@ -105,7 +111,8 @@ impl PcaBlock {
     }
 
     /// One row less its mean; the heading is unwrapped first.
-    fn centred(&self, index: usize, row: &Row) -> Vector3<f64> {
+    fn centred(&self, index: usize) -> Vector3<f64> {
+        let row = &self.rows[index];
         let mut c = Vector3::from(*row);
         if index + 1 == self.rows.len() {
             c = c.map(|theta| crate::geometry::wrap_angle(theta - row[0]));
@@ -114,10 +121,10 @@ impl PcaBlock {
     }
 }
 
-/// A sensor's say in the next block's first component, 1 / (1 + q / tau): 1 for a calm sensor, towards 0 for a wild one.
+/// A sensor's say, 1 / (1 + m / tau) for its mean square m: 1 for a calm sensor, towards 0 for a wild one.
 #[must_use]
-pub fn trust(residual_m2: f64, tau_m2: f64) -> f64 {
-    1.0 / (1.0 + residual_m2 / tau_m2)
+pub fn trust(mean_square_m2: f64, tau_m2: f64) -> f64 {
+    1.0 / (1.0 + mean_square_m2 / tau_m2)
 }
 
 /// Where the endpoint is drawn for a range of REP-117: see the module's text.
@@ -202,14 +209,14 @@ mod tests {
                 sweep(&ranges, Pose2::new(0.3 * t, 0.1 * t, 0.05 * t))
             };
             let mut block = block(&[at(0.0), at(1.0), at(2.5)]);
-            prop_assert!(block.analyse(|_| 1.0) < 1e-20);
+            prop_assert!(block.analyse(|_, _| 1.0) < 1e-20);
             prop_assert!(block.residuals_m2().iter().all(|q| *q < 1e-20));
         }
 
         #[test]
         fn the_gram_matrix_finds_what_the_whole_covariance_finds(sweeps in three_sweeps(6)) {
             let mut block = block(&sweeps);
-            let mspe = block.analyse(|_| 1.0);
+            let mspe = block.analyse(|_, _| 1.0);
 
             let m = DMatrix::from_fn(15, 3, |i, j| block.rows[i][j]);
             let c = DMatrix::from_fn(15, 3, |i, j| m[(i, j)] - m.row(i).mean());
@@ -232,7 +239,7 @@ mod tests {
                 sweep.beams.reverse();
             }
             let (mut block, mut mirror) = (block(&sweeps), block(&reversed));
-            prop_assert!((block.analyse(|_| 1.0) - mirror.analyse(|_| 1.0)).abs() < 1e-9);
+            prop_assert!((block.analyse(|_, _| 1.0) - mirror.analyse(|_, _| 1.0)).abs() < 1e-9);
             for (q, r) in block.residuals_m2().iter().zip(mirror.residuals_m2().iter().rev()) {
                 prop_assert!((q - r).abs() < 1e-7);
             }
@@ -243,7 +250,7 @@ mod tests {
     fn elements_without_a_number_are_drawn_at_both_ends() {
         let odd = sweep(&[f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1.0], Pose2::default());
         let mut block = block(&[odd.clone(), odd.clone(), odd]);
-        assert!(block.analyse(|_| 1.0) < 1e-20);
+        assert!(block.analyse(|_, _| 1.0) < 1e-20);
         assert!((block.rows[0][0] - 0.15).abs() < 1e-12, "missing: at the sensor");
         assert!((block.rows[5][0] - 3.15).abs() < 1e-12, "saturated: at the farthest range");
     }
@@ -252,24 +259,25 @@ mod tests {
     fn a_sweep_that_lacks_beams_is_no_danger() {
         let mut block = PcaBlock::new(4, MAX_RANGE_M);
         assert!(!block.push(&Sweep::default()) && !block.push(&Sweep::default()) && block.push(&Sweep::default()));
-        assert!(block.analyse(|_| 1.0) < 1e-20);
+        assert!(block.analyse(|_, _| 1.0) < 1e-20);
     }
 
     #[test]
     fn a_heading_that_wraps_is_no_motion() {
         let at = |theta| sweep(&[1.0, 1.0], Pose2::new(0.0, 0.0, theta));
         let mut block = block(&[at(3.13), at(3.15), at(3.17)]);
-        assert!(block.analyse(|_| 1.0) < 1e-20);
+        assert!(block.analyse(|_, _| 1.0) < 1e-20);
     }
 
     #[test]
-    fn a_distrusted_sensor_does_not_become_the_component() {
+    fn a_single_wild_sensor_hides_in_the_component_unless_its_variation_is_held_against_it() {
         let at = |t: f64, wild: f64| sweep(&[1.0 + t, 1.5 - t, 2.0 + t, wild], Pose2::new(t, 0.0, 0.0));
         let mut block = block(&[at(0.0, 1.0), at(0.1, 2.8), at(0.2, 0.4)]);
-        block.analyse(|_| 1.0);
-        let plain = block.residuals_m2()[0];
-        block.analyse(|sensor| if sensor == 3 { trust(0.5, 0.001) } else { 1.0 });
-        assert!(block.residuals_m2()[0] < 0.1 * plain, "{} {plain}", block.residuals_m2()[0]);
-        assert!(block.residuals_m2()[3] > 0.1);
+        block.analyse(|_, _| 1.0);
+        let plain = block.residuals_m2().to_vec();
+        block.analyse(|_, variation_m2| trust(variation_m2, 0.001));
+        let fair = block.residuals_m2();
+        assert!(plain[3] < 0.01 && fair[3] > 0.1, "{plain:?} {fair:?}");
+        assert!(fair[0] < 0.1 * plain[0], "{plain:?} {fair:?}");
     }
 }
