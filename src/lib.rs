@@ -4,9 +4,23 @@
 //!
 //! Bytes and time go in, events come out, and nothing in between touches the world. Start reading at [`pipeline`].
 
-pub mod config;
 pub mod event;
 pub mod geometry;
-pub mod mapping;
 pub mod sweep;
 pub mod time;
+
+pub mod config;
+
+pub mod align;
+pub mod board;
+pub mod handshake;
+
+pub mod fault;
+pub mod mapping;
+pub mod orientation;
+pub mod position;
+
+pub mod paper;
+pub mod walls;
+
+pub mod pipeline;

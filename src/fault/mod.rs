@@ -1,4 +1,5 @@
 //! Fault detection: which sensors' readings are worth nothing.
 
 pub mod detector;
+pub mod paper_detector;
 pub mod pca;

@@ -1,6 +1,7 @@
-//! Position: one filter over the robot's pose, its wheels and the walls it has seen.
+//! Position: the filters that follow the robot.
 
 pub mod beam_model;
 pub mod filter;
 pub mod nursery;
+pub mod paper_ekf;
 pub mod tracker;

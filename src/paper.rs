@@ -1,0 +1,139 @@
+//! The paper's method, literal: PCA fault detection, Hough heading, EKF position, 1 cm binary grid.
+//!
+//! [`Paper::update`] is the whole method in order. The map frame is the robot's first pose. For the first
+//! [`FIRST_MAP_SWEEPS`] the encoders are believed: nine sweeps until the first verdict on the sensors, and nine more whose reliable
+//! endpoints become the first map; from then on the heading comes from walls alone. What the paper leaves open is said where it is filled
+//! in: the measurement model in [`paper_ekf`](crate::position::paper_ekf), free space in
+//! [`binary_grid`](crate::mapping::binary_grid), two more faults in [`paper_detector`](crate::fault::paper_detector).
+
+use crate::config::Config;
+use crate::event::{Estimate, Event, SensorState};
+use crate::fault::paper_detector::{FIRST_VERDICT_SWEEPS, PaperDetector};
+use crate::geometry::{Point, Pose2, Ring};
+use crate::mapping::binary_grid::BinaryGrid;
+use crate::mapping::raster::Raster;
+use crate::orientation::heading::Heading;
+use crate::position::paper_ekf::PaperEkf;
+use crate::sweep::Sweep;
+use nalgebra::Matrix3;
+
+/// Sweeps whose pose is the encoders': until the first verdict, and as many again for the first map.
+pub const FIRST_MAP_SWEEPS: u64 = 2 * FIRST_VERDICT_SWEEPS;
+
+/// The longest step between two sweeps that is believed, seconds; it bounds the local map.
+const LONGEST_STEP_S: f64 = 1.0;
+
+/// The method's state.
+#[derive(Clone, Debug)]
+pub struct Paper {
+    max_speed_m_s: f64,
+    max_turn_rate_rad_s: f64,
+    /// alpha: from the robot's middle to the farthest endpoint, metres.
+    reach_m: f64,
+    detector: PaperDetector,
+    heading: Heading,
+    ekf: PaperEkf,
+    grid: BinaryGrid,
+    sweeps: u64,
+    odometry: Option<Pose2>,
+    /// Sensors of the reliable beams, and their endpoints, robot frame.
+    sensors: Vec<Point>,
+    endpoints: Vec<Point>,
+    local_map: Vec<Point>,
+}
+
+impl Paper {
+    /// The method for a ring of sensors; the robot stands at the origin of the map frame.
+    #[must_use]
+    pub fn new(config: &Config, ring: &Ring) -> Self {
+        let off_centre_m = |m: &crate::geometry::Mounting| m.robot_from_sensor.position().coords.norm();
+        let reach_m = config.ring.max_range_m + ring.mountings.iter().map(off_centre_m).fold(0.0, f64::max);
+        Self {
+            max_speed_m_s: config.robot.max_speed_m_s,
+            max_turn_rate_rad_s: config.robot.max_turn_rate_rad_s,
+            reach_m,
+            detector: PaperDetector::new(ring.len(), config.ring.max_range_m),
+            heading: Heading::new(reach_m + config.robot.max_speed_m_s * LONGEST_STEP_S),
+            ekf: PaperEkf::new(Point::origin()),
+            grid: BinaryGrid::default(),
+            sweeps: 0,
+            odometry: None,
+            sensors: Vec::new(),
+            endpoints: Vec::new(),
+            local_map: Vec::new(),
+        }
+    }
+
+    /// One sweep: pushes an [`Event::Fault`] for each sensor that changed its state, then one [`Event::Estimate`].
+    pub fn update(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
+        self.detector.inspect(sweep, events); // (1)-(4)
+        self.keep_reliable(sweep);
+        let step = self.odometry.map_or_else(Pose2::default, |before| before.inverse() * sweep.odometry);
+        let elapsed_s = sweep.elapsed_s.clamp(0.0, LONGEST_STEP_S);
+
+        self.ekf.predict(self.heading.theta_rad(), step.position().coords);
+        if self.sweeps < FIRST_MAP_SWEEPS {
+            self.heading.set(self.heading.theta_rad() + step.theta_rad);
+        } else {
+            let about = self.ekf.position();
+            self.local_map.clear();
+            self.grid.local_map(about, self.max_speed_m_s * elapsed_s + self.reach_m, &mut self.local_map); // (10)
+            self.heading.update(&self.local_map, &self.endpoints, self.max_turn_rate_rad_s * elapsed_s); // (7)-(9)
+            self.correct_position(about);
+        }
+        if self.sweeps >= FIRST_VERDICT_SWEEPS {
+            for (sensor, endpoint) in self.sensors.iter().zip(&self.endpoints) {
+                self.grid.mark(self.pose(), *sensor, *endpoint); // (5)(6)
+            }
+        }
+        self.sweeps += 1;
+        self.odometry = Some(sweep.odometry);
+        events.push(Event::Estimate(self.estimate(sweep)));
+    }
+
+    /// By sensor: what its readings are worth.
+    #[must_use]
+    pub fn states(&self) -> &[SensorState] {
+        self.detector.states()
+    }
+
+    /// The map.
+    #[must_use]
+    pub fn raster(&self) -> Raster {
+        self.grid.raster()
+    }
+
+    fn pose(&self) -> Pose2 {
+        let position = self.ekf.position();
+        Pose2::new(position.x, position.y, self.heading.theta_rad())
+    }
+
+    /// The endpoints of healthy sensors that measured a distance.
+    fn keep_reliable(&mut self, sweep: &Sweep) {
+        self.sensors.clear();
+        self.endpoints.clear();
+        for (beam, state) in sweep.beams.iter().zip(self.detector.states()) {
+            if let (SensorState::Healthy, Some(endpoint)) = (state, beam.endpoint()) {
+                self.sensors.push(beam.robot_from_sensor.position());
+                self.endpoints.push(endpoint);
+            }
+        }
+    }
+
+    /// The local map's lines, which are relative to `about`, correct x and y.
+    fn correct_position(&mut self, about: Point) {
+        let heading_rad = self.heading.theta_rad();
+        for line in self.heading.map_lines() {
+            let (sin, cos) = libm::sincos(line.theta_rad);
+            let rho_m = line.rho_m + cos * about.x + sin * about.y;
+            self.ekf.update(heading_rad, &self.endpoints, line.theta_rad, rho_m);
+        }
+    }
+
+    fn estimate(&self, sweep: &Sweep) -> Estimate {
+        let mut covariance = Matrix3::zeros();
+        covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&self.ekf.covariance());
+        covariance[(2, 2)] = self.heading.variance_rad2();
+        Estimate { at: sweep.at, sweep: sweep.index, pose: self.pose(), covariance, odometry: sweep.odometry }
+    }
+}
