@@ -1,7 +1,7 @@
 //! What the board has said of itself: who it is and where its sensors sit.
 
 use crate::geometry::{Mounting, Pose2, Ring};
-use slamd_protocol::{Geometry, Hello, VERSION_MAJOR, VERSION_MINOR};
+use slamd_protocol::{Geometry, Hello};
 
 /// The board as far as it is known.
 #[derive(Clone, Debug, Default)]
@@ -20,7 +20,7 @@ impl Board {
     /// True where the board speaks another major version: nothing else that it sends may be used.
     #[must_use]
     pub fn is_refused(&self) -> bool {
-        self.hello.as_ref().is_some_and(|hello| hello.major != VERSION_MAJOR)
+        self.hello.as_ref().is_some_and(|hello| hello.check_version().is_err())
     }
 
     /// The board introduces itself. True where it has restarted since it last did.
@@ -37,24 +37,19 @@ impl Board {
             "{} {}, protocol {}.{}, {} sensors, {} ticks per turn",
             hello.board, hello.firmware, hello.major, hello.minor, hello.sensors, hello.ticks_per_turn
         );
-        match hello.major.cmp(&VERSION_MAJOR) {
-            std::cmp::Ordering::Equal => who,
-            std::cmp::Ordering::Less => {
-                format!("{who}: too old for this slamd ({VERSION_MAJOR}.{VERSION_MINOR}); update the board's firmware")
-            }
-            std::cmp::Ordering::Greater => {
-                format!("{who}: newer than this slamd ({VERSION_MAJOR}.{VERSION_MINOR}); update slamd")
-            }
+        match hello.check_version() {
+            Ok(()) => who,
+            Err(error) => format!("{who}: {error}"),
         }
     }
 
     /// Part of the ring's geometry. The ring, once all its parts have arrived.
     pub fn place(&mut self, geometry: &Geometry) -> Option<Ring> {
-        if self.mountings.len() != usize::from(geometry.total) {
-            self.mountings = vec![None; usize::from(geometry.total)];
+        if self.mountings.len() != usize::from(geometry.total()) {
+            self.mountings = vec![None; usize::from(geometry.total())];
         }
-        let places = self.mountings.iter_mut().skip(usize::from(geometry.first));
-        for (place, sensor) in places.zip(&geometry.sensors) {
+        let places = self.mountings.iter_mut().skip(usize::from(geometry.first()));
+        for (place, sensor) in places.zip(geometry.placements()) {
             *place = Some(Mounting {
                 robot_from_sensor: Pose2::new(
                     f64::from(sensor.x_mm) * 1e-3,

@@ -58,9 +58,7 @@ impl Handshake {
         self.due = at + RETRY;
         let question = match known {
             Known { refused: true, .. } => None,
-            Known { hello: false, .. } => {
-                Some(Message::HelloRequest { major: VERSION_MAJOR, minor: VERSION_MINOR })
-            }
+            Known { hello: false, .. } => Some(Message::HelloRequest { major: VERSION_MAJOR, minor: VERSION_MINOR }),
             Known { ring: false, .. } => Some(Message::GeometryRequest),
             Known { streaming: false, .. } => Some(Message::Start),
             _ => None,

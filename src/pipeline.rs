@@ -21,7 +21,7 @@ use crate::sweep::Sweep;
 use crate::time::Timestamp;
 use crate::walls::Walls;
 use bytes::Bytes;
-use slamd_protocol::{FrameDecoder, FrameEncoder, Hello, Message};
+use slamd_protocol::{FrameDecoder, FrameEncoder, Hello, Message, MessageError};
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
 
@@ -181,7 +181,7 @@ impl Pipeline {
         self.handshake.heard(at);
         match message {
             Ok(message) => self.message(message, at),
-            Err(error) if error.is_unknown_type() => self.counters.unknown += 1,
+            Err(MessageError::UnknownType(_)) => self.counters.unknown += 1,
             Err(_) => self.counters.refused += 1,
         }
         self.outputs.extend(self.events.drain(..).map(Output::Event));
@@ -206,8 +206,8 @@ impl Pipeline {
                 })
             }
             Message::Encoder(encoder) => self.aligner.encoder(encoder, at),
-            Message::TimeResponse(time) => match self.handshake.time_request(time.token) {
-                Some(sent) => self.aligner.round_trip(sent, time.rx_us, time.tx_us, at),
+            Message::TimeResponse { token, rx_us, tx_us } => match self.handshake.time_request(*token) {
+                Some(sent) => self.aligner.round_trip(sent, *rx_us, *tx_us, at),
                 None => Ok(()),
             },
             Message::Geometry(geometry) => {
@@ -218,8 +218,8 @@ impl Pipeline {
                 Ok(())
             }
             Message::Status(status) => {
-                if let Some(temperature_c) = status.temperature_c() {
-                    self.aligner.set_temperature(temperature_c);
+                if let Some(temperature_cdeg) = status.temperature_cdeg {
+                    self.aligner.set_temperature(0.01 * f64::from(temperature_cdeg));
                 }
                 Ok(())
             }

@@ -28,7 +28,6 @@ pub struct Walls {
     max_range_m: f64,
     wheel_base_m: f64,
     pca: PcaBlock,
-    unrest_m2: Vec<f64>,
     detector: Detector,
     axis: AxisFinder,
     axis_sweeps: usize,
@@ -43,8 +42,7 @@ const MOST_SWEEPS: usize = 60;
 /// A direction is believed when its votes gather this much better than the median direction's.
 const CONTRAST: f64 = 1.25;
 const AXIS_SIGMA_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
-/// How much of a sensor's past unrest counts, and from which unrest on it loses its say in the first component.
-const MEMORY: f64 = 0.5;
+/// The variation from which on a sensor loses its say in the first component.
 const CALM_M2: f64 = 0.01;
 /// Sweeps between two checks of the heading.
 const CHECK_SWEEPS: usize = 25;
@@ -59,7 +57,6 @@ impl Walls {
             max_range_m: config.ring.max_range_m,
             wheel_base_m: config.robot.wheel_base_m,
             pca: PcaBlock::new(ring.len(), config.ring.max_range_m),
-            unrest_m2: vec![0.0; ring.len()],
             detector: Detector::new(ring.len(), config.ring.max_range_m),
             axis: AxisFinder::default(),
             axis_sweeps: 0,
@@ -128,10 +125,7 @@ impl Walls {
         let Some(tracker) = &mut self.tracker else { return };
         tracker.predict(sweep);
         let residual_m2 = if self.pca.push(sweep) {
-            self.pca.analyse(|sensor| trust(self.unrest_m2[sensor], CALM_M2));
-            for (unrest, residual) in self.unrest_m2.iter_mut().zip(self.pca.residuals_m2()) {
-                *unrest = MEMORY * *unrest + (1.0 - MEMORY) * residual;
-            }
+            self.pca.analyse(|_, variation_m2| trust(variation_m2, CALM_M2));
             self.pca.residuals_m2()
         } else {
             &[]
@@ -183,7 +177,9 @@ impl Walls {
                     (beam.range_m, Target::Wall(sighting.point(), along_rad))
                 }
                 Use::Unexplained => (beam.range_m, Target::Something),
-                Use::Unused if beam.is_clear() && self.detector.is_trusted(sensor) => (self.max_range_m, Target::Nothing),
+                Use::Unused if beam.is_clear() && self.detector.is_trusted(sensor) => {
+                    (self.max_range_m, Target::Nothing)
+                }
                 Use::Unused => continue,
             };
             cone::draw(&mut self.grid, pose * beam.robot_from_sensor, beam.half_angle_rad, range_m, target);

@@ -24,7 +24,20 @@ const TABLE: &[(&str, &[&str], bool)] = &[
     ("metrics", &["time", "geometry", "event"], false),
     (
         "pipeline",
-        &["protocol", "time", "geometry", "sweep", "event", "config", "align", "board", "handshake", "mapping", "walls", "paper"],
+        &[
+            "protocol",
+            "time",
+            "geometry",
+            "sweep",
+            "event",
+            "config",
+            "align",
+            "board",
+            "handshake",
+            "mapping",
+            "walls",
+            "paper",
+        ],
         false,
     ),
     ("capture", &["time", "geometry"], true),
@@ -41,8 +54,18 @@ const ESTIMATORS: &[&str] =
     &["sweep", "time", "geometry", "config", "event", "fault", "orientation", "position", "mapping"];
 const EVERYTHING: &[&str] = &["*"];
 /// What a module that may not touch the world must not name.
-const WORLD: &[&str] =
-    &["std::fs", "std::net", "std::thread", "std::env", "std::process", "tokio", "tracing::", "Instant", "SystemTime", "rand::"];
+const WORLD: &[&str] = &[
+    "std::fs",
+    "std::net",
+    "std::thread",
+    "std::env",
+    "std::process",
+    "tokio",
+    "tracing::",
+    "Instant",
+    "SystemTime",
+    "rand::",
+];
 const MOST_LINES: usize = 400;
 
 fn sources(folder: &Path, into: &mut Vec<PathBuf>) {
@@ -89,8 +112,11 @@ fn complaints(module: &str, path: &Path, text: &str) -> Vec<String> {
     };
     let code = code(text);
     let may = |word: &str| word == module || *allowed == ["*"] || allowed.contains(&word);
-    let mut complaints: Vec<String> =
-        used(&code).iter().filter(|word| !may(word)).map(|word| format!("{name}: `{module}` may not use `{word}`")).collect();
+    let mut complaints: Vec<String> = used(&code)
+        .iter()
+        .filter(|word| !may(word))
+        .map(|word| format!("{name}: `{module}` may not use `{word}`"))
+        .collect();
     if !world {
         let touched = WORLD.iter().filter(|word| code.contains(**word));
         complaints.extend(touched.map(|word| format!("{name}: `{module}` may not touch the world: `{word}`")));

@@ -5,7 +5,7 @@
 //! of flight after the trigger; the odometry track tells where that was in the robot frame of the reference instant.
 
 use super::track::{Track, Travel, Wheels};
-use crate::geometry::{Pose2, Ring};
+use crate::geometry::Ring;
 use crate::sweep::{Beam, NoMeasurement, Sweep};
 use crate::time::{DeviceTime, Timestamp};
 use slamd_protocol::{Echo, Sonar};
@@ -40,7 +40,8 @@ impl Sweeper {
     pub fn new(ring: Ring, range_m: std::ops::RangeInclusive<f64>, temperature_c: f64) -> Self {
         let pings = vec![None; ring.len()];
         let sweep = Sweep { beams: Vec::with_capacity(ring.len()), ..Sweep::default() };
-        let mut sweeper = Self { ring, range_m, sound_m_s: 0.0, pings, newest: None, previous: None, sweep, count: 0, dropped: 0 };
+        let mut sweeper =
+            Self { ring, range_m, sound_m_s: 0.0, pings, newest: None, previous: None, sweep, count: 0, dropped: 0 };
         sweeper.set_temperature(temperature_c);
         sweeper
     }

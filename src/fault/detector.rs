@@ -58,11 +58,7 @@ impl Detector {
     /// A detector for `sensors` sensors that all begin healthy.
     #[must_use]
     pub fn new(sensors: usize, max_range_m: f64) -> Self {
-        Self {
-            sensors: vec![Suspicion::default(); sensors],
-            states: vec![SensorState::Healthy; sensors],
-            max_range_m,
-        }
+        Self { sensors: vec![Suspicion::default(); sensors], states: vec![SensorState::Healthy; sensors], max_range_m }
     }
 
     /// Each sensor's state.

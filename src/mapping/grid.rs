@@ -8,7 +8,8 @@ use crate::geometry::Point;
 use std::collections::HashMap;
 
 /// Cells along a tile's side.
-const TILE: usize = 32;
+const SIDE: i32 = 32;
+const TILE: usize = SIDE.unsigned_abs() as usize;
 /// Tiles at most: 10,000 m² of 5 cm cells take about 4,000.
 const MAX_TILES: usize = 16_384;
 /// Log-odds are clamped here, in hundredths: p from 0.04 to 0.98.
@@ -101,12 +102,15 @@ impl OccupancyGrid {
 
     /// The known part of the grid as a rectangle.
     #[must_use]
-    #[expect(clippy::cast_sign_loss, clippy::cast_possible_truncation, reason = "differences from the minimum; percent")]
+    #[expect(
+        clippy::cast_sign_loss,
+        clippy::cast_possible_truncation,
+        reason = "differences from the minimum; percent"
+    )]
     pub fn raster(&self) -> Raster {
         let percent: Vec<i8> = (FLOOR..=CEILING)
             .map(|hundredths| (100.0 / (1.0 + libm::exp(-0.01 * f64::from(hundredths)))).round() as i8)
             .collect();
-        let side = TILE as i32;
         let columns = self.places.keys().map(|key| key.0);
         let rows = self.places.keys().map(|key| key.1);
         let (Some(left), Some(right)) = (columns.clone().min(), columns.max()) else { return Raster::default() };
@@ -123,18 +127,18 @@ impl OccupancyGrid {
                 }
             }
         }
-        let origin = Point::new(f64::from(left * side) * self.cell_m, f64::from(bottom * side) * self.cell_m);
+        let origin = Point::new(f64::from(left * SIDE) * self.cell_m, f64::from(bottom * SIDE) * self.cell_m);
         Raster { width, height, cell_m: self.cell_m, origin, occupancy }
     }
 }
 
 const fn tile_of(cell: Cell) -> (i32, i32) {
-    (cell.column.div_euclid(TILE as i32), cell.row.div_euclid(TILE as i32))
+    (cell.column.div_euclid(SIDE), cell.row.div_euclid(SIDE))
 }
 
 #[expect(clippy::cast_sign_loss, reason = "Euclidean remainders are not negative")]
 const fn place_in_tile(cell: Cell) -> usize {
-    cell.row.rem_euclid(TILE as i32) as usize * TILE + cell.column.rem_euclid(TILE as i32) as usize
+    (cell.row.rem_euclid(SIDE) * SIDE + cell.column.rem_euclid(SIDE)) as usize
 }
 
 #[cfg(test)]
