@@ -4,6 +4,7 @@
 //!
 //! Bytes and time go in, events come out, and nothing in between touches the world. Start reading at [`pipeline`].
 
+pub mod capture;
 pub mod config;
 pub mod event;
 pub mod geometry;
