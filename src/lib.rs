@@ -9,5 +9,7 @@ pub mod config;
 pub mod event;
 pub mod geometry;
 pub mod mapping;
+pub mod metrics;
+pub mod publish;
 pub mod sweep;
 pub mod time;
