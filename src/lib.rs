@@ -24,3 +24,8 @@ pub mod paper;
 pub mod walls;
 
 pub mod pipeline;
+
+pub mod capture;
+pub mod metrics;
+pub mod publish;
+pub mod sim;

@@ -1,0 +1,51 @@
+//! `faults.csv`: one line for each change of a sensor's state.
+
+use super::PublishError;
+use super::part_file::PartFile;
+use crate::event::{FaultEvent, SensorState};
+use std::path::Path;
+
+/// The file being written.
+pub(super) struct FaultLog {
+    file: PartFile,
+}
+
+impl FaultLog {
+    pub(super) fn create(folder: &Path) -> Result<Self, PublishError> {
+        let mut file = PartFile::create(folder, "faults.csv")?;
+        file.write(b"t_s,sensor,state,kind\n")?;
+        Ok(Self { file })
+    }
+
+    pub(super) fn append(&mut self, fault: &FaultEvent) -> Result<(), PublishError> {
+        self.file.write(line(fault).as_bytes())
+    }
+
+    pub(super) fn finish(self) -> Result<(), PublishError> {
+        self.file.finish().map(drop)
+    }
+}
+
+fn line(fault: &FaultEvent) -> String {
+    let (state, kind) = match fault.state {
+        SensorState::Healthy => ("healthy", ""),
+        SensorState::Faulty(kind) => ("faulty", kind.word()),
+    };
+    format!("{:.6},{},{state},{kind}\n", fault.at.seconds(), fault.sensor)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::event::FaultKind;
+    use crate::time::Timestamp;
+
+    #[test]
+    fn a_line_names_time_sensor_state_and_kind() {
+        let at = Timestamp::from_us(1_500_000);
+        let state = SensorState::Faulty(FaultKind::Missing);
+        let fault = FaultEvent { at, sensor: 7, state, reason: "never answers".into() };
+        assert_eq!(line(&fault), "1.500000,7,faulty,missing\n");
+        assert_eq!(line(&FaultEvent { state: SensorState::Healthy, ..fault }), "1.500000,7,healthy,\n");
+    }
+}

@@ -1,0 +1,86 @@
+//! `map.pgm` and `map.yaml` in the trinary convention of ROS map_server: white is free, black occupied, grey unknown.
+//!
+//! map_server takes a pixel p as the probability (255 − p) / 255: occupied above 0.65, free below 0.196, else unknown. The
+//! unknown grey 205 is 0.19608, just not free; with the widespread `free_thresh: 0.25` it would be.
+
+use super::PublishError;
+use super::part_file::write_file;
+use crate::mapping::raster::Raster;
+use std::path::Path;
+
+/// Occupied from here on, percent.
+pub(super) const OCCUPIED_PERCENT: i8 = 65;
+/// Free up to here, percent.
+pub(super) const FREE_PERCENT: i8 = 19;
+
+/// Writes both files and returns the SHA-256 of `map.pgm`.
+pub(super) fn write_map(folder: &Path, raster: &Raster) -> Result<String, PublishError> {
+    let sha256 = write_file(folder, "map.pgm", &pgm(raster))?;
+    write_file(folder, "map.yaml", yaml(raster).as_bytes())?;
+    Ok(sha256)
+}
+
+/// A binary PGM; a raster without cells becomes one unknown cell, because readers refuse empty pictures.
+fn pgm(raster: &Raster) -> Vec<u8> {
+    let (width, height) = (raster.width.max(1), raster.height.max(1));
+    let mut file = format!("P5\n{width} {height}\n255\n").into_bytes();
+    let header = file.len();
+    // Pictures begin at the top, rasters at the bottom.
+    for row in raster.occupancy.chunks_exact(width).rev() {
+        file.extend(row.iter().map(|&percent| match percent {
+            0..=FREE_PERCENT => FREE,
+            OCCUPIED_PERCENT.. => OCCUPIED,
+            _ => UNKNOWN,
+        }));
+    }
+    file.resize(header + width * height, UNKNOWN);
+    file
+}
+
+fn yaml(raster: &Raster) -> String {
+    format!(
+        "image: map.pgm\nmode: trinary\nresolution: {}\norigin: [{}, {}, 0.0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n",
+        if raster.cell_m > 0.0 { raster.cell_m } else { 0.05 },
+        raster.origin.x,
+        raster.origin.y
+    )
+}
+
+const FREE: u8 = 254;
+const OCCUPIED: u8 = 0;
+const UNKNOWN: u8 = 205;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Point;
+
+    /// map_server's rule, from `map_io.cpp`.
+    fn map_server(pixel: u8) -> i8 {
+        let occupancy = f64::from(255 - pixel) / 255.0;
+        if occupancy > 0.65 {
+            100
+        } else if occupancy < 0.196 {
+            0
+        } else {
+            -1
+        }
+    }
+
+    #[test]
+    fn map_server_reads_back_every_class_in_its_place() {
+        let occupancy = vec![-1, 0, 19, 20, 64, 65];
+        let raster = Raster { width: 3, height: 2, cell_m: 0.05, origin: Point::new(-1.5, 2.0), occupancy };
+        let file = pgm(&raster);
+        let pixels = file.strip_prefix(b"P5\n3 2\n255\n").unwrap();
+        let read: Vec<i8> = pixels.iter().map(|&pixel| map_server(pixel)).collect();
+        assert_eq!(read, [-1, -1, 100, -1, 0, 0], "the upper row comes first");
+        let text = yaml(&raster);
+        assert!(text.contains("resolution: 0.05\norigin: [-1.5, 2, 0.0]\n"), "{text}");
+    }
+
+    #[test]
+    fn an_empty_raster_is_one_unknown_cell() {
+        assert_eq!(pgm(&Raster::default()), b"P5\n1 1\n255\n\xcd");
+    }
+}

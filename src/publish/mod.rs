@@ -1,0 +1,197 @@
+//! The output folder: maps, trajectories, faults and a summary, each file whole or absent.
+
+mod fault_log;
+mod map_file;
+mod part_file;
+mod picture;
+mod summary;
+mod track;
+mod trajectory;
+
+pub use summary::{Summary, WheelCalibration};
+
+use crate::config::Config;
+use crate::event::{Counters, Event, SensorState};
+use crate::geometry::{Pose2, Ring};
+use crate::mapping::raster::Raster;
+use crate::metrics::{AccuracyMeter, FaultMeter, TrueFault};
+use crate::time::Timestamp;
+use fault_log::FaultLog;
+use part_file::write_file;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+use summary::Timings;
+use track::Track;
+use trajectory::Trajectory;
+
+/// A file that cannot be written.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {source}", path.display())]
+pub struct PublishError {
+    /// The file.
+    pub path: PathBuf,
+    /// What the system says.
+    pub source: io::Error,
+}
+
+/// What is known only at the end of a run.
+pub struct FinalState<'a> {
+    /// The effective configuration, written as `config.toml`.
+    pub config: &'a Config,
+    /// The map.
+    pub raster: &'a Raster,
+    /// The sensors' places.
+    pub ring: &'a Ring,
+    /// The sensors' states, by id.
+    pub states: &'a [SensorState],
+    /// What was counted.
+    pub counters: Counters,
+    /// The wheels, where the method estimates them.
+    pub calibration: Option<WheelCalibration>,
+}
+
+/// The files of one run. Trajectories and faults are written while it goes on, as `NAME.part`; memory stays constant.
+pub struct Outputs {
+    folder: PathBuf,
+    trajectory: Trajectory,
+    odometry: Trajectory,
+    truth: Option<Trajectory>,
+    fault_log: FaultLog,
+    path: Track,
+    odometry_path: Track,
+    truth_path: Track,
+    map_from_odom: Option<Pose2>,
+    pose: Pose2,
+    accuracy: AccuracyMeter,
+    faults: Option<FaultMeter>,
+    timings: Timings,
+}
+
+impl Outputs {
+    /// Creates the folder, if it is not there, and begins the files.
+    ///
+    /// # Errors
+    /// When something cannot be created.
+    pub fn create(folder: &Path) -> Result<Self, PublishError> {
+        fs::create_dir_all(folder).map_err(|source| PublishError { path: folder.into(), source })?;
+        Ok(Self {
+            folder: folder.into(),
+            trajectory: Trajectory::create(folder, "trajectory.tum")?,
+            odometry: Trajectory::create(folder, "odometry.tum")?,
+            truth: None,
+            fault_log: FaultLog::create(folder)?,
+            path: Track::default(),
+            odometry_path: Track::default(),
+            truth_path: Track::default(),
+            map_from_odom: None,
+            pose: Pose2::default(),
+            accuracy: AccuracyMeter::default(),
+            faults: None,
+            timings: Timings::new(),
+        })
+    }
+
+    /// Scores the fault detector against what truly fails; call it before the first event.
+    pub fn true_faults(&mut self, faults: Vec<TrueFault>) {
+        self.faults = Some(FaultMeter::new(faults));
+    }
+
+    /// Takes an event of the pipeline.
+    ///
+    /// # Errors
+    /// When a file cannot be written.
+    pub fn event(&mut self, event: &Event) -> Result<(), PublishError> {
+        match event {
+            Event::Estimate(estimate) => {
+                self.trajectory.append(estimate.at, estimate.pose)?;
+                self.odometry.append(estimate.at, estimate.odometry)?;
+                let map_from_odom =
+                    *self.map_from_odom.get_or_insert_with(|| estimate.pose * estimate.odometry.inverse());
+                self.path.push(estimate.pose.position());
+                self.odometry_path.push((map_from_odom * estimate.odometry).position());
+                self.pose = estimate.pose;
+                self.accuracy.estimate(estimate.at, estimate.pose);
+                if let Some(faults) = &mut self.faults {
+                    faults.estimate(estimate.at);
+                }
+            }
+            Event::Fault(fault) => {
+                self.fault_log.append(fault)?;
+                if let Some(faults) = &mut self.faults {
+                    faults.state(fault.sensor, fault.state);
+                }
+            }
+            Event::Board { .. } | Event::Ring { .. } | Event::BoardLog { .. } | Event::BoardReset { .. } => {}
+        }
+        Ok(())
+    }
+
+    /// Takes where the robot truly was, `world_from_robot`. The first call begins `truth.tum`.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn truth(&mut self, at: Timestamp, pose: Pose2) -> Result<(), PublishError> {
+        if self.truth.is_none() {
+            self.truth = Some(Trajectory::create(&self.folder, "truth.tum")?);
+        }
+        if let Some(truth) = &mut self.truth {
+            truth.append(at, pose)?;
+        }
+        self.truth_path.push(pose.position());
+        self.accuracy.truth(at, pose);
+        Ok(())
+    }
+
+    /// Takes how long the computing for one sweep took.
+    pub fn timing(&mut self, elapsed: Duration) {
+        self.timings.add(elapsed);
+    }
+
+    /// Writes the map, the picture and the summary and gives every file its name; `summary.json` comes last.
+    ///
+    /// # Errors
+    /// When a file cannot be written.
+    pub fn finish(self, state: &FinalState<'_>) -> Result<Summary, PublishError> {
+        let mut summary = Summary::new(state.counters);
+        summary.calibration = state.calibration;
+        summary.accuracy = self.accuracy.accuracy();
+        summary.faults = self.faults.as_ref().map(FaultMeter::score);
+        (summary.mean_us_per_sweep, summary.p99_us_per_sweep) = self.timings.mean_and_p99_us().unzip();
+        summary.map_sha256 = map_file::write_map(&self.folder, state.raster)?;
+        let picture = self
+            .picture(state, &summary)
+            .map_err(|source| PublishError { path: self.folder.join("map.png"), source })?;
+        write_file(&self.folder, "map.png", &picture)?;
+        write_file(&self.folder, "config.toml", state.config.to_toml().as_bytes())?;
+        summary.trajectory_sha256 = self.trajectory.finish()?;
+        self.odometry.finish()?;
+        self.truth.map(Trajectory::finish).transpose()?;
+        self.fault_log.finish()?;
+        write_file(&self.folder, "summary.json", summary.to_json().as_bytes())?;
+        Ok(summary)
+    }
+
+    fn picture(&self, state: &FinalState<'_>, summary: &Summary) -> io::Result<Vec<u8>> {
+        let map_from_world = self.accuracy.world_from_map().map(Pose2::inverse);
+        let truth: Vec<_> = map_from_world
+            .map(|transform| self.truth_path.points().into_iter().map(|point| transform.transform(point)).collect())
+            .unwrap_or_default();
+        picture::draw(&picture::Scene {
+            raster: state.raster,
+            path: &self.path.points(),
+            path_m: self.path.length_m(),
+            odometry: &self.odometry_path.points(),
+            truth: &truth,
+            ate_m: summary.accuracy.map(|accuracy| accuracy.ate_m),
+            pose: self.pose,
+            ring: state.ring,
+            states: state.states,
+            robot_name: &state.config.robot.name,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,97 @@
+//! `summary.json`: a run in a few numbers, keys always in the same order.
+
+use crate::event::Counters;
+use crate::metrics::{Accuracy, FaultScore};
+use hdrhistogram::Histogram;
+use serde::Serialize;
+use std::time::Duration;
+
+/// A run in a few numbers.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// Sweeps used.
+    pub sweeps: u64,
+    /// Sweeps given up because too much of them was missing.
+    pub dropped: u64,
+    /// Frames whose checksum did not hold.
+    pub crc_errors: u64,
+    /// Frames that the sequence numbers say are missing.
+    pub lost_frames: u64,
+    /// Mean microseconds of computing per sweep; none where nothing was timed.
+    pub mean_us_per_sweep: Option<f64>,
+    /// 99th percentile of the same.
+    pub p99_us_per_sweep: Option<f64>,
+    /// SHA-256 of `trajectory.tum`.
+    pub trajectory_sha256: String,
+    /// SHA-256 of `map.pgm`.
+    pub map_sha256: String,
+    /// The wheels as the run found them; none where the method does not estimate them.
+    pub calibration: Option<WheelCalibration>,
+    /// Errors against the true path, where it is known.
+    #[serde(flatten)]
+    pub accuracy: Option<Accuracy>,
+    /// The fault detector against the true faults, where they are known.
+    #[serde(flatten)]
+    pub faults: Option<FaultScore>,
+}
+
+/// The wheels as a run found them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct WheelCalibration {
+    /// Radius of the right wheel divided by that of the left.
+    pub wheel_ratio: f64,
+    /// Distance between the wheels, metres.
+    pub wheel_base_m: f64,
+}
+
+impl Summary {
+    pub(super) fn new(counters: Counters) -> Self {
+        Self {
+            sweeps: counters.sweeps,
+            dropped: counters.dropped_sweeps,
+            crc_errors: counters.crc_errors,
+            lost_frames: counters.lost_frames,
+            mean_us_per_sweep: None,
+            p99_us_per_sweep: None,
+            trajectory_sha256: String::new(),
+            map_sha256: String::new(),
+            calibration: None,
+            accuracy: None,
+            faults: None,
+        }
+    }
+
+    /// The JSON text of `summary.json`.
+    ///
+    /// # Panics
+    /// Never: numbers and strings have a JSON form.
+    #[must_use]
+    pub fn to_json(&self) -> String {
+        serde_json::to_string_pretty(self).expect("numbers and strings") + "\n"
+    }
+}
+
+/// Times of sweeps in constant memory, to three digits.
+pub(super) struct Timings {
+    nanoseconds: Histogram<u64>,
+}
+
+impl Timings {
+    pub(super) fn new() -> Self {
+        let nanoseconds = Histogram::new_with_bounds(1, MAX_NS, 3).expect("bounds and digits are in the crate's range");
+        Self { nanoseconds }
+    }
+
+    pub(super) fn add(&mut self, elapsed: Duration) {
+        self.nanoseconds.saturating_record(u64::try_from(elapsed.as_nanos()).unwrap_or(MAX_NS));
+    }
+
+    /// Mean and 99th percentile, microseconds.
+    pub(super) fn mean_and_p99_us(&self) -> Option<(f64, f64)> {
+        let p99_ns = self.nanoseconds.value_at_quantile(0.99) as f64;
+        (!self.nanoseconds.is_empty()).then(|| (self.nanoseconds.mean() / 1000.0, p99_ns / 1000.0))
+    }
+}
+
+/// Longer times count as a minute.
+const MAX_NS: u64 = 60_000_000_000;
