@@ -8,5 +8,6 @@ pub mod config;
 pub mod event;
 pub mod geometry;
 pub mod mapping;
+pub mod sim;
 pub mod sweep;
 pub mod time;
