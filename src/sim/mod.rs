@@ -1,0 +1,12 @@
+//! The simulator: a true world, a robot with a ring of sensors, its board and the serial line, all from one seed.
+//!
+//! It shares geometry, time and the wire format with the estimator and nothing else, least of all its models.
+
+pub mod built_in;
+pub mod fault;
+pub mod floor_plan;
+pub mod random;
+pub mod robot;
+pub mod sonar;
+pub mod world;
+pub mod world_file;
