@@ -41,7 +41,7 @@ const TABLE: &[(&str, &[&str], bool)] = &[
         false,
     ),
     ("capture", &["time", "geometry"], true),
-    ("sim", &["protocol", "time", "geometry", "config"], true),
+    ("sim", &["protocol", "time", "geometry", "config", "capture"], true),
     ("import", &["protocol", "time", "geometry", "config", "capture"], true),
     ("inspect", &["protocol", "time", "geometry", "align", "capture"], true),
     ("publish", &["time", "geometry", "event", "config", "mapping", "metrics", "pipeline"], true),

@@ -2,11 +2,16 @@
 //!
 //! It shares geometry, time and the wire format with the estimator and nothing else, least of all its models.
 
+pub mod board;
 pub mod built_in;
+pub mod explore;
 pub mod fault;
 pub mod floor_plan;
+pub mod link;
 pub mod random;
 pub mod robot;
+pub mod route;
+pub mod simulation;
 pub mod sonar;
 pub mod world;
 pub mod world_file;

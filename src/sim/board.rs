@@ -1,0 +1,188 @@
+//! The board: fires the ring group by group, latches the encoders, answers the host.
+
+use super::fault::Reading;
+use super::random::Random;
+use super::robot::TICKS_PER_TURN;
+use crate::geometry::Ring;
+use crate::time::Timestamp;
+use slamd_protocol::{
+    Echo, Encoder, FrameBuf, FrameDecoder, FrameEncoder, Geometry, Hello, Message, Placement, SensorEcho, Sonar,
+    Status, Text, VERSION_MAJOR, VERSION_MINOR,
+};
+
+/// True temperature of the air, degrees Celsius.
+const AIR_C: f64 = 21.5;
+
+/// Microseconds from one group's trigger to the next: 3 m and back take 17.5 ms.
+pub const SLOT_US: u64 = 25_000;
+
+/// The board's state.
+#[derive(Debug)]
+pub struct Board {
+    ring: Ring,
+    decoder: FrameDecoder,
+    encoder: FrameEncoder,
+    boot_id: u32,
+    boot_us: u64,
+    rate: f64,
+    frames: u32,
+    is_streaming: bool,
+}
+
+impl Board {
+    /// A board whose clock runs `drift_ppm` fast or slow, by the seed's choice, from anywhere.
+    #[must_use]
+    pub fn new(ring: Ring, drift_ppm: f64, mut random: Random) -> Self {
+        let [boot_id, boot_us] = [random.bits() & 0xFFFF_FFFF, random.bits() & 0xFFFF_FFFF];
+        Self {
+            ring,
+            decoder: FrameDecoder::new(),
+            encoder: FrameEncoder::default(),
+            boot_id: u32::try_from(boot_id).unwrap_or_default(),
+            boot_us,
+            rate: 1.0 + drift_ppm * 1e-6 * random.sign(),
+            frames: 0,
+            is_streaming: false,
+        }
+    }
+
+    /// The ring.
+    #[must_use]
+    pub fn ring(&self) -> &Ring {
+        &self.ring
+    }
+
+    /// True once the host has asked for readings.
+    #[must_use]
+    pub fn is_streaming(&self) -> bool {
+        self.is_streaming
+    }
+
+    /// The board's 32-bit clock.
+    #[must_use]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the low 32 bits are meant")]
+    pub fn clock_us(&self, at: Timestamp) -> u32 {
+        (self.boot_us + (at.us() as f64 * self.rate) as u64) as u32
+    }
+
+    /// Bytes from the host; what the board answers.
+    pub fn hear(&mut self, at: Timestamp, bytes: &[u8]) -> Vec<FrameBuf> {
+        let mut answers = Vec::new();
+        for &byte in bytes {
+            let message = self.decoder.push(byte).and_then(|frame| Message::parse(frame.kind, frame.payload).ok());
+            match message {
+                Some(Message::HelloRequest { .. }) => answers.push(self.hello()),
+                Some(Message::GeometryRequest) => answers.extend(self.geometry()),
+                Some(Message::Start) => self.is_streaming = true,
+                Some(Message::Stop) => self.is_streaming = false,
+                Some(Message::TimeRequest { token }) => {
+                    let now_us = self.clock_us(at);
+                    answers.push(self.frame(&Message::TimeResponse { token, rx_us: now_us, tx_us: now_us }));
+                }
+                _ => {}
+            }
+        }
+        answers
+    }
+
+    /// Who the board is.
+    pub fn hello(&mut self) -> FrameBuf {
+        self.frame(&Message::Hello(Hello {
+            major: VERSION_MAJOR,
+            minor: VERSION_MINOR,
+            boot_id: self.boot_id,
+            tick_hz: 1_000_000,
+            sensors: u8::try_from(self.ring.len()).unwrap_or(u8::MAX),
+            ticks_per_turn: TICKS_PER_TURN,
+            capabilities: 0,
+            config_crc: 0,
+            uid: *b"slamdsim",
+            board: Text::new("simulator"),
+            firmware: Text::new(env!("CARGO_PKG_VERSION")),
+        }))
+    }
+
+    /// One fired group, its encoders latched at the trigger.
+    pub fn sonar(
+        &mut self,
+        trigger: Timestamp,
+        group: u8,
+        is_last: bool,
+        ticks: [i32; 2],
+        readings: &[(u8, Reading)],
+    ) -> FrameBuf {
+        let echoes = readings.iter().filter_map(|&(sensor, reading)| {
+            let echo = match reading {
+                Reading::Range(range_m) => flight(range_m),
+                Reading::NoEcho => Echo::NoEcho,
+                Reading::Missing => return None,
+            };
+            Some(SensorEcho { sensor, echo })
+        });
+        let sonar = Sonar {
+            t_us: self.clock_us(trigger),
+            group,
+            last_of_cycle: is_last,
+            left_ticks: ticks[0],
+            right_ticks: ticks[1],
+            echoes: echoes.collect(),
+        };
+        self.frame(&Message::Sonar(sonar))
+    }
+
+    /// The encoders now.
+    pub fn encoders(&mut self, at: Timestamp, ticks: [i32; 2]) -> FrameBuf {
+        let t_us = self.clock_us(at);
+        self.frame(&Message::Encoder(Encoder { t_us, left_ticks: ticks[0], right_ticks: ticks[1], flags: 0 }))
+    }
+
+    /// How the board fares.
+    #[expect(clippy::cast_possible_truncation, reason = "an air temperature")]
+    pub fn status(&mut self, at: Timestamp) -> FrameBuf {
+        self.frame(&Message::Status(Status {
+            t_us: self.clock_us(at),
+            frames: self.frames,
+            overruns: 0,
+            crc_errors: u32::try_from(self.decoder.counters().crc_errors).unwrap_or(u32::MAX),
+            temperature_cdeg: Some((AIR_C * 100.0) as i16),
+            supply_mv: std::num::NonZeroU16::new(5_020),
+            stuck_mask: 0,
+        }))
+    }
+
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "millimetres and hundredths of degrees of a robot"
+    )]
+    fn geometry(&mut self) -> Vec<FrameBuf> {
+        let placements: Vec<Placement> = self
+            .ring
+            .mountings
+            .iter()
+            .map(|mounting| {
+                let pose = mounting.robot_from_sensor;
+                Placement {
+                    x_mm: (pose.x_m * 1e3).round() as i16,
+                    y_mm: (pose.y_m * 1e3).round() as i16,
+                    bearing_cdeg: (pose.theta_rad.to_degrees() * 1e2).round() as i16,
+                    half_angle_cdeg: (mounting.half_angle_rad.to_degrees() * 1e2).round() as u16,
+                    group: mounting.group,
+                }
+            })
+            .collect();
+        let parts = Geometry::of_ring(&placements).unwrap_or_default();
+        parts.into_iter().map(|part| self.frame(&Message::Geometry(part))).collect()
+    }
+
+    fn frame(&mut self, message: &Message) -> FrameBuf {
+        self.frames = self.frames.wrapping_add(1);
+        self.encoder.encode(message)
+    }
+}
+
+/// Time of flight there and back.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a range within the sensor's")]
+fn flight(range_m: f64) -> Echo {
+    Echo::from_flight_us((range_m * 2e6 / (331.3 + 0.606 * AIR_C)).round() as u32)
+}
