@@ -47,7 +47,7 @@ const CALM_M2: f64 = 0.01;
 /// Sweeps between two checks of the heading.
 const CHECK_SWEEPS: usize = 25;
 /// A check farther off than this speaks of another axis, not of drift.
-const CHECK_RAD: f64 = 20.0 * std::f64::consts::PI / 180.0;
+const CHECK_RAD: f64 = 6.0 * std::f64::consts::PI / 180.0;
 
 impl Walls {
     /// The method for a robot and its ring.

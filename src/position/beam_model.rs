@@ -65,6 +65,8 @@ pub struct Sighting {
     pub along_m: f64,
     /// How far the wall's normal lies outside the cone, radians.
     pub oblique_rad: f64,
+    /// True for a point beam, whose edge is its axis.
+    pub is_sharp: bool,
     /// Variance of `depth_m` for a known pose.
     pub variance: f64,
     /// Derivative of (expected − measured depth) by the robot's state.
@@ -73,8 +75,11 @@ pub struct Sighting {
 
 /// Noise of a range, metres.
 pub const RANGE_SIGMA_M: f64 = 0.02;
-/// The edge of the cone is known to this.
+/// The edge of a cone is known to this, and the direction of a point beam to this.
 const EDGE_SIGMA_RAD: f64 = 2.5 * std::f64::consts::PI / 180.0;
+const POINT_SIGMA_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
+/// Narrower cones are point beams.
+const POINT_RAD: f64 = 1.0 * std::f64::consts::PI / 180.0;
 /// Normals farther from a beam's axis than this are not heard (and beyond 45 degrees another side is nearer).
 const HEARD_RAD: f64 = 42.0 * std::f64::consts::PI / 180.0;
 
@@ -110,7 +115,8 @@ pub fn sight(pose: Pose2, beam: &Beam) -> Option<Sighting> {
     // Positive turns lead toward +y for ±x sides' normals as seen along the axis: the tangent of +x is +y, of +y is −x.
     let tangent_sign = if side.axis() == 0 { side.sign() } else { -side.sign() };
     let along_m = foot_m + tangent_sign * off_rad.signum() * beam.range_m * sin;
-    let edge_m = beam.range_m * sin * EDGE_SIGMA_RAD;
+    let is_sharp = beam.half_angle_rad < POINT_RAD;
+    let edge_m = beam.range_m * sin * if is_sharp { POINT_SIGMA_RAD } else { EDGE_SIGMA_RAD };
     let lever = sensor.position() - pose.position();
     // The sensor moves by (−lever_y, lever_x) per radian.
     let across_by_theta = if side.axis() == 0 { -lever.y } else { lever.x };
@@ -127,6 +133,7 @@ pub fn sight(pose: Pose2, beam: &Beam) -> Option<Sighting> {
         foot_m,
         along_m,
         oblique_rad,
+        is_sharp,
         variance: (RANGE_SIGMA_M * cos).powi(2) + edge_m * edge_m,
         by_robot,
     })

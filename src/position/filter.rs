@@ -23,7 +23,7 @@ pub const MAX_WALLS: usize = 160;
 type Robot = SVector<f64, ROBOT>;
 
 /// Random error of a wheel's travel: variance per metre rolled, m.
-const WHEEL_NOISE_M: f64 = 2.5e-4;
+const WHEEL_NOISE_M: f64 = 3.5e-5;
 /// One standard deviation of the wheel ratio and the wheel base as configured.
 const RATIO_SIGMA: f64 = 0.012;
 const BASE_SIGMA: f64 = 0.025;

@@ -37,8 +37,8 @@ const CAPACITY: usize = 64;
 const NEAR_M: f64 = 0.06;
 const REACH_M: f64 = 0.6;
 /// What makes a wall.
-const LEAST_HITS: u32 = 8;
-const LEAST_SWEEPS: u32 = 5;
+const LEAST_HITS: u32 = 6;
+const LEAST_SWEEPS: u32 = 3;
 const LEAST_EXTENT_M: f64 = 0.25;
 const LEAST_TRAVEL_M: f64 = 0.06;
 const MOST_SCATTER_M: f64 = 0.028;

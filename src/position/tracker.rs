@@ -54,11 +54,13 @@ pub struct Tracker {
 }
 
 /// Innovations farther out than this many standard deviations belong to something else.
-const GATE_SIGMA: f64 = 3.5;
+const GATE_SIGMA: f64 = 2.8;
+/// A cone hears a wall farther outside its edge than this only where something else answers as well.
+const MOST_OBLIQUE_RAD: f64 = 4.0 * std::f64::consts::PI / 180.0;
 /// Walls are not that flat, and sounds not that straight: floor of one wall's fused noise, metres.
 const MODEL_SIGMA_M: f64 = 0.008;
 /// A wall may be heard this far beyond where it has been seen.
-const MARGIN_M: f64 = 0.35;
+const MARGIN_M: f64 = 0.15;
 /// Two sightings of one side nearer than this, and within the gate, are one wall.
 const SAME_WALL_M: f64 = 0.07;
 const SAME_GAP_M: f64 = 0.6;
@@ -157,6 +159,9 @@ impl Tracker {
 
     /// The wall that explains a sighting best, within the gate.
     fn wall_of(&self, sighting: &Sighting) -> Option<usize> {
+        if !sighting.is_sharp && sighting.oblique_rad > MOST_OBLIQUE_RAD {
+            return None;
+        }
         let mut best: Option<(f64, usize)> = None;
         for (index, wall) in self.walls.iter().enumerate() {
             let reaches = sighting.along_m > wall.lo_m - MARGIN_M && sighting.along_m < wall.hi_m + MARGIN_M;
