@@ -29,3 +29,11 @@ pub mod capture;
 pub mod metrics;
 pub mod publish;
 pub mod sim;
+pub mod source;
+
+#[cfg(feature = "daemon")]
+pub mod cli;
+#[cfg(feature = "daemon")]
+pub mod daemon;
+#[cfg(feature = "daemon")]
+pub mod recorder;

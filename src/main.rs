@@ -1,2 +1,5 @@
-//! The program.
-fn main() {}
+//! The program: see [`slamd::cli`].
+
+fn main() -> std::process::ExitCode {
+    slamd::cli::main()
+}

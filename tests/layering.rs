@@ -45,7 +45,8 @@ const TABLE: &[(&str, &[&str], bool)] = &[
     ("import", &["protocol", "time", "geometry", "config", "capture"], true),
     ("inspect", &["protocol", "time", "geometry", "align", "capture"], true),
     ("publish", &["time", "geometry", "event", "config", "mapping", "metrics", "pipeline"], true),
-    ("source", &["time", "geometry", "event", "config", "pipeline", "capture", "sim", "publish"], true),
+    ("source", &["time", "geometry", "event", "config", "pipeline", "capture", "sim", "publish", "metrics"], true),
+    ("recorder", &["time", "capture"], true),
     ("daemon", EVERYTHING, true),
     ("cli", EVERYTHING, true),
 ];

@@ -1,0 +1,117 @@
+//! The command line.
+
+mod failure;
+mod replay;
+mod run;
+mod simulate;
+mod terminal;
+
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
+pub use failure::{Failure, Kind};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "Examples:
+  slamd --port /dev/ttyUSB0                       map with a robot
+  slamd replay replay/flat-paper-faults.mcap      no robot needed: leaves a map in slamd-out/
+  slamd simulate --world flat --seed 1 --duration 120 --faults paper --capture drive.mcap
+  slamd simulate --world office --pty robot & slamd --port robot --record drive.mcap";
+
+/// Maps a home with a ring of ultrasonic sensors and two wheel encoders.
+#[derive(Debug, Parser)]
+#[command(version, about, after_help = EXAMPLES, args_conflicts_with_subcommands = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    run: Option<run::RunArgs>,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Map with a robot on a serial port (the same as without a command).
+    Run(run::RunArgs),
+    /// Run a recorded or simulated session again, as fast as it goes.
+    Replay(replay::ReplayArgs),
+    /// Drive a simulated robot, into a capture or on a pseudo-terminal.
+    Simulate(Box<simulate::SimulateArgs>),
+}
+
+/// Where results go and how they are made; the same for a robot and for a replay.
+#[derive(Debug, Args)]
+pub(crate) struct OutputArgs {
+    /// Folder for map, picture, trajectory, faults and summary.
+    #[arg(long, value_name = "DIR", default_value = "slamd-out")]
+    out: PathBuf,
+    /// How heading, position and map are found.
+    #[arg(long, value_enum)]
+    method: Option<MethodArg>,
+    /// Robot configuration (TOML); see configs/README.md.
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Print the summary as JSON instead of words.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum MethodArg {
+    Walls,
+    Paper,
+}
+
+impl OutputArgs {
+    /// The configuration file's, or else `base`, with the method of the command line.
+    fn configuration(&self, base: crate::config::Config) -> Result<crate::config::Config, Failure> {
+        let mut config = match &self.config {
+            Some(path) => load_config(path)?,
+            None => base,
+        };
+        match self.method {
+            Some(MethodArg::Walls) => config.method = crate::config::Method::Walls,
+            Some(MethodArg::Paper) => config.method = crate::config::Method::Paper,
+            None => {}
+        }
+        Ok(config)
+    }
+}
+
+/// Reads a configuration file.
+pub(crate) fn load_config(path: &std::path::Path) -> Result<crate::config::Config, Failure> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|error| Failure::new(Kind::NoInput, format!("{}: {error}; name an existing file", path.display())))?;
+    crate::config::Config::from_toml(&text)
+        .map_err(|error| Failure::new(Kind::Config, format!("{}: {error}", path.display())))
+}
+
+/// Runs the program with the process's arguments.
+#[must_use]
+pub fn main() -> ExitCode {
+    let matches = Cli::command().try_get_matches();
+    let cli = match matches.and_then(|matches| Cli::from_arg_matches(&matches)) {
+        Ok(cli) => cli,
+        Err(error) => {
+            let code = if error.use_stderr() { Kind::Usage as u8 } else { 0 };
+            let _ = error.print();
+            return ExitCode::from(code);
+        }
+    };
+    let filter = tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "info".into());
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false).init();
+    let result = match (cli.command, cli.run) {
+        (Some(Command::Run(args)), _) | (None, Some(args)) => args.run(),
+        (Some(Command::Replay(args)), _) => args.run(),
+        (Some(Command::Simulate(args)), _) => args.run(),
+        (None, None) => {
+            let _ = Cli::command().print_help();
+            return ExitCode::from(Kind::Usage as u8);
+        }
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("slamd: {failure}");
+            ExitCode::from(failure.kind as u8)
+        }
+    }
+}

@@ -1,0 +1,78 @@
+//! `slamd --port DEV`, the same as `slamd run --port DEV`
+
+use super::{Failure, Kind, OutputArgs, terminal};
+use crate::capture::CaptureInfo;
+use crate::config::Config;
+use crate::daemon::{self, DaemonError, Options};
+use crate::recorder::Recorder;
+use crate::source::session::Session;
+use clap::Args;
+use std::path::PathBuf;
+use std::time::Duration;
+
+#[derive(Debug, Args)]
+pub(super) struct RunArgs {
+    /// The board's serial port.
+    #[arg(long, value_name = "DEV")]
+    port: PathBuf,
+    /// Bits per second.
+    #[arg(long, default_value_t = 115_200)]
+    baud: u32,
+    /// Record everything that is read and written to this capture.
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+    /// Stop after this long; without it, Ctrl-C stops.
+    #[arg(long, value_name = "SECONDS")]
+    duration: Option<f64>,
+    /// Stop when the port hangs up, instead of waiting for its return.
+    #[arg(long)]
+    exit_on_hangup: bool,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+impl RunArgs {
+    pub(super) fn run(self) -> Result<(), Failure> {
+        let config = self.output.configuration(Config::default())?;
+        let mut recorder = match &self.record {
+            Some(path) => Some(Recorder::begin(path, &info(&config))?),
+            None => None,
+        };
+        let mut session = Session::new(config, &self.output.out)?;
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+        let runtime = runtime.map_err(|error| Failure::new(Kind::Unavailable, format!("tokio: {error}")))?;
+        let options = Options {
+            port: &self.port,
+            baud: self.baud,
+            duration: self.duration.map(|seconds| Duration::from_secs_f64(seconds.clamp(0.0, 1e9))),
+            exit_on_hangup: self.exit_on_hangup,
+        };
+        let result = runtime.block_on(daemon::run(options, &mut session, &mut recorder));
+        if let Some(recorder) = recorder {
+            let dropped = recorder.finish()?;
+            if dropped > 0 {
+                tracing::error!("{dropped} chunks are missing from the recording");
+            }
+        }
+        result.map_err(|error| match error {
+            DaemonError::Publish(error) => error.into(),
+            other => Failure::new(Kind::Unavailable, other.to_string()),
+        })?;
+        let (summary, faulty) = session.finish()?;
+        terminal::report(&summary, &faulty, &self.output.out, self.output.json);
+        Ok(())
+    }
+}
+
+#[expect(clippy::disallowed_methods, reason = "anchors the recording's time in the calendar")]
+fn info(config: &Config) -> CaptureInfo {
+    let since_1970 = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+    CaptureInfo {
+        slamd_version: env!("CARGO_PKG_VERSION").into(),
+        protocol_version: format!("{}.{}", slamd_protocol::VERSION_MAJOR, slamd_protocol::VERSION_MINOR),
+        config_toml: config.to_toml(),
+        unix_zero_us: since_1970.ok().and_then(|span| u64::try_from(span.as_micros()).ok()),
+        notes: String::new(),
+        faults: None,
+    }
+}

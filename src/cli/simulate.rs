@@ -1,0 +1,127 @@
+//! `slamd simulate`
+
+use super::{Failure, Kind, terminal};
+use crate::capture::{CaptureInfo, CaptureWriter, Record};
+use crate::config::Config;
+use crate::sim::fault::{FaultMix, SensorFault};
+use crate::sim::link::LinkFaults;
+use crate::sim::simulation::{SimConfig, Simulation, session};
+use crate::sim::sonar::BeamShape;
+use crate::sim::world::World;
+use crate::source::pty;
+use clap::{ArgGroup, Args};
+use std::path::{Path, PathBuf};
+
+#[derive(Debug, Args)]
+#[command(group(ArgGroup::new("to").required(true).args(["capture", "pty"])))]
+pub(super) struct SimulateArgs {
+    /// flat, office, furnished, or a world in a TOML file.
+    #[arg(long, default_value = "flat")]
+    world: String,
+    /// Every random number comes from it.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Length of the session.
+    #[arg(long, value_name = "SECONDS", default_value_t = 300.0)]
+    duration: f64,
+    /// The mix of broken sensors: none or paper.
+    #[arg(long, default_value = "none")]
+    faults: FaultMix,
+    /// A broken sensor: kinds are saturated, missing, noisy and stuck.
+    #[arg(long = "fault", value_name = "SENSOR:KIND@TIME")]
+    fault: Vec<SensorFault>,
+    /// The beams' shape: cone or point.
+    #[arg(long, default_value = "cone")]
+    beam: BeamShape,
+    /// Sensors of the ring.
+    #[arg(long, default_value_t = 32, value_parser = clap::value_parser!(u8).range(1..=76))]
+    sensors: u8,
+    /// Scale of the odometry's errors: 0 is perfect.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    odometry_errors: f64,
+    /// How far the board's clock is off, parts per million.
+    #[arg(long, value_name = "PPM", default_value_t = 300.0)]
+    clock_drift: f64,
+    /// Probability that a byte on the line has a bit turned over.
+    #[arg(long, value_name = "P", default_value_t = 0.0)]
+    bit_errors: f64,
+    /// Probability that a byte on the line is lost.
+    #[arg(long, value_name = "P", default_value_t = 0.0)]
+    byte_drops: f64,
+    /// Probability that a random byte is added to the line.
+    #[arg(long, value_name = "P", default_value_t = 0.0)]
+    byte_insertions: f64,
+    /// Write the session, with the true poses, to this capture.
+    #[arg(long, value_name = "FILE")]
+    capture: Option<PathBuf>,
+    /// Be a board on a pseudo-terminal of this name, in real time.
+    #[arg(long, value_name = "NAME")]
+    pty: Option<PathBuf>,
+}
+
+impl SimulateArgs {
+    pub(super) fn run(self) -> Result<(), Failure> {
+        let simulation = Simulation::new(SimConfig {
+            world: world(&self.world)?,
+            seed: self.seed,
+            duration_s: self.duration,
+            mix: self.faults,
+            faults: self.fault.clone(),
+            beam: self.beam,
+            sensors: self.sensors,
+            odometry_errors: self.odometry_errors,
+            clock_drift_ppm: self.clock_drift,
+            link: LinkFaults { bit_flips: self.bit_errors, drops: self.byte_drops, insertions: self.byte_insertions },
+        });
+        match (&self.capture, &self.pty) {
+            (Some(path), _) => self.write(simulation, path),
+            (None, Some(name)) => pty::serve(simulation, name)
+                .map_err(|error| Failure::new(Kind::Unavailable, format!("{}: {error}", name.display()))),
+            (None, None) => Err(Failure::new(Kind::Usage, "give --capture FILE or --pty NAME")),
+        }
+    }
+
+    fn write(&self, simulation: Simulation, path: &Path) -> Result<(), Failure> {
+        let words = |fault: &SensorFault| format!("{}:{}@{}s", fault.sensor, fault.kind.word(), fault.from_s);
+        let info = CaptureInfo {
+            slamd_version: env!("CARGO_PKG_VERSION").into(),
+            protocol_version: format!("{}.{}", slamd_protocol::VERSION_MAJOR, slamd_protocol::VERSION_MINOR),
+            config_toml: Config::default().to_toml(),
+            unix_zero_us: None,
+            notes: format!("slamd simulate --world {} --seed {} --duration {}", self.world, self.seed, self.duration),
+            faults: Some(simulation.faults().iter().map(words).collect()),
+        };
+        let mut capture = CaptureWriter::create(path, &info)?;
+        let bar = terminal::progress(Some(self.duration));
+        for record in session(simulation) {
+            terminal::show(&bar, record.at().seconds());
+            match record {
+                Record::Received { at, bytes } => capture.received(at, &bytes)?,
+                Record::Sent { at, bytes } => capture.sent(at, &bytes)?,
+                Record::Truth { at, pose } => capture.truth(at, pose)?,
+            }
+        }
+        bar.finish_and_clear();
+        capture.finish()?;
+        println!("{}", path.display());
+        Ok(())
+    }
+}
+
+/// A built-in world, or the one in a file.
+fn world(name: &str) -> Result<World, Failure> {
+    if let Some(world) = World::named(name) {
+        return Ok(world);
+    }
+    let path = Path::new(name);
+    if path.extension().is_none_or(|extension| extension != "toml") {
+        let known = World::BUILT_IN.join(", ");
+        return Err(Failure::new(
+            Kind::Usage,
+            format!("there is no world \"{name}\"; there are {known}, and files FILE.toml"),
+        ));
+    }
+    let text = std::fs::read_to_string(path)
+        .map_err(|error| Failure::new(Kind::NoInput, format!("{name}: {error}; name an existing world file")))?;
+    World::from_toml(name, &text).map_err(|error| Failure::new(Kind::Config, error.to_string()))
+}

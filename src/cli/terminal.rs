@@ -1,0 +1,56 @@
+//! What a person sees: a progress bar while it lasts, a few lines at the end.
+
+use crate::event::FaultEvent;
+use crate::publish::Summary;
+use indicatif::{ProgressBar, ProgressStyle};
+use std::path::Path;
+
+/// A bar over the session's seconds, on a terminal only.
+pub(super) fn progress(seconds: Option<f64>) -> ProgressBar {
+    let bar = match seconds {
+        Some(seconds) => ProgressBar::new(tenths(seconds)).with_style(style("{bar:40} {percent}% {msg}")),
+        None => ProgressBar::new_spinner().with_style(style("{spinner} {msg}")),
+    };
+    bar.set_draw_target(indicatif::ProgressDrawTarget::stderr());
+    bar
+}
+
+/// Moves the bar.
+pub(super) fn show(bar: &ProgressBar, seconds: f64) {
+    let now = tenths(seconds);
+    if now != bar.position() {
+        bar.set_position(now);
+        bar.set_message(format!("{seconds:.0} s of the drive"));
+    }
+}
+
+/// The summary, in words or as JSON, on standard output.
+pub(super) fn report(summary: &Summary, faulty: &[FaultEvent], folder: &Path, json: bool) {
+    if json {
+        println!("{}", summary.to_json());
+        return;
+    }
+    println!("{} sweeps, {} dropped, {} CRC errors", summary.sweeps, summary.dropped, summary.crc_errors);
+    if let (Some(mean), Some(p99)) = (summary.mean_us_per_sweep, summary.p99_us_per_sweep) {
+        println!("{mean:.0} us per sweep, 99th percentile {p99:.0} us");
+    }
+    if let Some(accuracy) = &summary.accuracy {
+        println!(
+            "ATE {:.3} m, greatest {:.3} m, heading {:.2} degrees RMS",
+            accuracy.ate_m, accuracy.ate_max_m, accuracy.heading_rmse_deg
+        );
+    }
+    for fault in faulty {
+        println!("{} (since {:.1} s)", fault.reason, fault.at.seconds());
+    }
+    println!("map: {}", folder.join("map.png").display());
+}
+
+fn style(template: &str) -> ProgressStyle {
+    ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar())
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "seconds of a session")]
+fn tenths(seconds: f64) -> u64 {
+    (seconds.max(0.0) * 10.0) as u64
+}

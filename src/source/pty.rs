@@ -1,0 +1,61 @@
+//! The simulated board on a pseudo-terminal, in real time.
+
+use crate::capture::Record;
+use crate::sim::simulation::Simulation;
+use crate::time::Timestamp;
+use serialport::{SerialPort, TTYPort};
+use std::io::{self, ErrorKind, Read, Write};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// How long one wait for the host's bytes takes: the simulation advances between two.
+const WAIT: Duration = Duration::from_millis(2);
+
+/// The name of the pseudo-terminal, gone when dropped.
+struct Link(PathBuf);
+
+impl Drop for Link {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.0);
+    }
+}
+
+/// Serves the simulated board under `name` until its session ends. Bytes that nobody reads are lost, as on a real line.
+///
+/// # Errors
+/// When there is no pseudo-terminal to be had, or `name` is taken by something that is not a link.
+#[expect(clippy::disallowed_methods, reason = "a board in real time is a clock")]
+pub fn serve(mut simulation: Simulation, name: &Path) -> io::Result<()> {
+    let (mut master, mut slave) = TTYPort::pair()?;
+    slave.set_exclusive(false)?;
+    master.set_timeout(WAIT)?;
+    let device = slave.name().ok_or_else(|| io::Error::other("the pseudo-terminal has no name"))?;
+    if std::fs::symlink_metadata(name).is_ok_and(|found| found.file_type().is_symlink()) {
+        std::fs::remove_file(name)?;
+    }
+    std::os::unix::fs::symlink(device, name)?;
+    let _link = Link(name.into());
+    println!("{}", name.display());
+    let begin = std::time::Instant::now();
+    let mut heard = [0; 256];
+    loop {
+        let now = Timestamp::default() + begin.elapsed();
+        if now >= simulation.duration() {
+            return Ok(());
+        }
+        while let Some(record) = simulation.poll(now) {
+            let Record::Received { bytes, .. } = record else { continue };
+            match master.write_all(&bytes) {
+                Err(error) if !matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock) => {
+                    return Err(error);
+                }
+                _ => {}
+            }
+        }
+        match master.read(&mut heard) {
+            Ok(count) => simulation.hear(now, &heard[..count]),
+            Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock) => {}
+            Err(error) => return Err(error),
+        }
+    }
+}

@@ -1,0 +1,35 @@
+//! A capture as a source: as fast as it goes.
+
+use super::session::Session;
+use crate::capture::{CaptureError, CaptureReader, Record};
+use crate::publish::PublishError;
+
+/// A replay that cannot go on.
+#[derive(Debug, thiserror::Error)]
+pub enum ReplayError {
+    /// The capture cannot be read.
+    #[error(transparent)]
+    Capture(#[from] CaptureError),
+    /// An output cannot be written.
+    #[error(transparent)]
+    Publish(#[from] PublishError),
+}
+
+/// Feeds a capture to a session. `progress` hears of each record's time in seconds.
+///
+/// # Errors
+/// When the capture cannot be read or an output cannot be written.
+pub fn replay(capture: &mut CaptureReader, session: &mut Session, progress: impl Fn(f64)) -> Result<(), ReplayError> {
+    for record in capture {
+        let record = record?;
+        progress(record.at().seconds());
+        match record {
+            Record::Received { at, bytes } => session.received(at, &bytes)?,
+            Record::Sent { at, bytes } => session.sent(at, &bytes)?,
+            Record::Truth { at, pose } => session.truth(at, pose)?,
+        }
+        // What was really sent is in the capture.
+        session.take_transmit();
+    }
+    Ok(())
+}

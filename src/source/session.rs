@@ -1,0 +1,162 @@
+//! One session: a pipeline, its outputs, and the order in which inputs reach it.
+//!
+//! Before any input at time t, every deadline up to t is handled at the deadline's own time. So what the pipeline sees
+//! depends on what was read and written and when, never on when a timer fired: a recording replays bit for bit.
+
+use crate::config::Config;
+use crate::event::{Event, FaultEvent, Input, Output, SensorState};
+use crate::geometry::{Pose2, Ring};
+use crate::metrics::TrueFault;
+use crate::pipeline::Pipeline;
+use crate::publish::{FinalState, Outputs, PublishError, Summary, WheelCalibration};
+use crate::time::Timestamp;
+use bytes::Bytes;
+use std::path::Path;
+
+/// A pipeline and where its events go.
+pub struct Session {
+    config: Config,
+    pipeline: Pipeline,
+    outputs: Outputs,
+    transmit: Vec<Bytes>,
+    faulty: Vec<Option<FaultEvent>>,
+    now: Timestamp,
+}
+
+impl Session {
+    /// A session that writes into a folder.
+    ///
+    /// # Errors
+    /// When the folder or a file in it cannot be created.
+    pub fn new(config: Config, folder: &Path) -> Result<Self, PublishError> {
+        let pipeline = Pipeline::new(&config);
+        let outputs = Outputs::create(folder)?;
+        Ok(Self { config, pipeline, outputs, transmit: Vec::new(), faulty: Vec::new(), now: Timestamp::default() })
+    }
+
+    /// What truly fails, where somebody knows it.
+    pub fn true_faults(&mut self, faults: Vec<TrueFault>) {
+        self.outputs.true_faults(faults);
+    }
+
+    /// Bytes were read.
+    ///
+    /// # Errors
+    /// When an output cannot be written.
+    pub fn received(&mut self, at: Timestamp, bytes: &[u8]) -> Result<(), PublishError> {
+        let at = self.run_until(at)?;
+        self.handle(Input::Received { at, bytes })
+    }
+
+    /// Bytes were written.
+    ///
+    /// # Errors
+    /// When an output cannot be written.
+    pub fn sent(&mut self, at: Timestamp, bytes: &[u8]) -> Result<(), PublishError> {
+        let at = self.run_until(at)?;
+        self.handle(Input::Sent { at, bytes })
+    }
+
+    /// Where the robot truly is.
+    ///
+    /// # Errors
+    /// When an output cannot be written.
+    pub fn truth(&mut self, at: Timestamp, pose: Pose2) -> Result<(), PublishError> {
+        self.outputs.truth(at, pose)
+    }
+
+    /// Handles the deadlines up to `at`; gives `at`, or the last input's time where that is later.
+    ///
+    /// # Errors
+    /// When an output cannot be written.
+    pub fn run_until(&mut self, at: Timestamp) -> Result<Timestamp, PublishError> {
+        let at = at.max(self.now);
+        loop {
+            let deadline = self.pipeline.next_deadline().max(self.now);
+            if deadline > at {
+                self.now = at;
+                return Ok(at);
+            }
+            self.now = deadline;
+            self.handle(Input::Tick { at: deadline })?;
+        }
+    }
+
+    /// When the pipeline next wants to be called.
+    #[must_use]
+    pub fn next_deadline(&self) -> Timestamp {
+        self.pipeline.next_deadline()
+    }
+
+    /// Frames to be written to the board since the last call.
+    pub fn take_transmit(&mut self) -> Vec<Bytes> {
+        std::mem::take(&mut self.transmit)
+    }
+
+    /// The sensors that are faulty now, with the reason in words.
+    pub fn faulty(&self) -> impl Iterator<Item = &FaultEvent> {
+        self.faulty.iter().flatten()
+    }
+
+    /// Writes the map, the picture and the summary.
+    ///
+    /// # Errors
+    /// When an output cannot be written.
+    pub fn finish(self) -> Result<(Summary, Vec<FaultEvent>), PublishError> {
+        let nowhere = Ring::default();
+        let calibration = self.pipeline.calibration();
+        let summary = self.outputs.finish(&FinalState {
+            config: &self.config,
+            raster: &self.pipeline.raster(),
+            ring: self.pipeline.ring().unwrap_or(&nowhere),
+            states: self.pipeline.states(),
+            counters: self.pipeline.counters(),
+            calibration: calibration
+                .map(|wheels| WheelCalibration { wheel_ratio: wheels.wheel_ratio, wheel_base_m: wheels.wheel_base_m }),
+        })?;
+        Ok((summary, self.faulty.into_iter().flatten().collect()))
+    }
+
+    #[expect(clippy::disallowed_methods, reason = "how long a sweep took is reported, and changes nothing")]
+    fn handle(&mut self, input: Input<'_>) -> Result<(), PublishError> {
+        let begin = std::time::Instant::now();
+        self.pipeline.handle(input);
+        let elapsed = begin.elapsed();
+        let mut sweeps = 0;
+        while let Some(output) = self.pipeline.poll_output() {
+            match output {
+                Output::Transmit(frame) => self.transmit.push(frame),
+                Output::Event(event) => {
+                    sweeps += u32::from(matches!(event, Event::Estimate(_)));
+                    self.outputs.event(&event)?;
+                    self.note(event);
+                }
+            }
+        }
+        // The first sweeps are used all at once, when the building's axis is found.
+        for _ in 0..sweeps {
+            self.outputs.timing(elapsed / sweeps);
+        }
+        Ok(())
+    }
+
+    /// One log line for what a person should know.
+    fn note(&mut self, event: Event) {
+        match event {
+            Event::Board { description, compatible: true, .. } => tracing::info!("board: {description}"),
+            Event::Board { description, .. } => tracing::error!("board: {description}"),
+            Event::Ring { sensors, .. } => tracing::info!("ring of {sensors} sensors"),
+            Event::BoardReset { .. } => tracing::warn!("the board has restarted; map and pose go on"),
+            Event::BoardLog { text, .. } => tracing::info!("board says: {text}"),
+            Event::Fault(fault) => {
+                tracing::warn!("{:.1} s: {}", fault.at.seconds(), fault.reason);
+                let sensor = fault.sensor;
+                if self.faulty.len() <= sensor {
+                    self.faulty.resize(sensor + 1, None);
+                }
+                self.faulty[sensor] = (fault.state != SensorState::Healthy).then_some(fault);
+            }
+            Event::Estimate(_) => {}
+        }
+    }
+}
