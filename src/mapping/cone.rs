@@ -2,7 +2,8 @@
 //!
 //! Up to the range the cone is free, because the nearest surface in it is at the range. Where on the arc that surface lies is not
 //! known from one return: a wall that the pose filter has recognised is marked at the point that echoed; an unexplained return is
-//! spread thinly over its arc, so that only returns from several places add up to something. A beam that heard nothing clears a
+//! spread thinly over its arc, as far as that is not behind something known, so that only returns from several places add up to
+//! something. A beam that heard nothing clears a
 //! part of its cone and marks nothing, which removes the arcs at full range of the paper's Fig. 1. A ray stops at an
 //! occupied cell: behind a wall that mirrors the sound away nothing is known.
 
@@ -40,25 +41,22 @@ pub fn draw(grid: &mut OccupancyGrid, map_from_sensor: Pose2, half_angle_rad: f6
         Target::Wall(..) | Target::Something => (range_m - 1.5 * cell_m, FREE),
     };
     let cleared_rad = CLEARED_PART * half_angle_rad;
-    fan(cleared_rad, reach_m / (1.5 * cell_m), |off_rad| clear(grid, map_from_sensor, off_rad, reach_m, free));
-    match target {
-        Target::Wall(point, along_rad) => {
-            let (sin, cos) = libm::sincos(along_rad);
-            grid.add(grid.cell(point), WALL);
-            for step_m in [-cell_m, cell_m] {
-                grid.add(grid.cell(Point::new(point.x + step_m * cos, point.y + step_m * sin)), WALL_BESIDE);
-            }
+    let cells = (2.0 * cleared_rad * range_m / cell_m).max(1.0);
+    #[expect(clippy::cast_possible_truncation, reason = "at most 60")]
+    let hit = (ARC_TOTAL / cells).ceil() as i16;
+    fan(cleared_rad, reach_m / cell_m, |off_rad| {
+        let is_open = clear(grid, map_from_sensor, off_rad, reach_m, free);
+        if is_open && matches!(target, Target::Something) {
+            let (sin, cos) = libm::sincos(off_rad);
+            grid.add(grid.cell(map_from_sensor.transform(Point::new(range_m * cos, range_m * sin))), hit);
         }
-        Target::Something => {
-            let cells = (2.0 * cleared_rad * range_m / cell_m).max(1.0);
-            #[expect(clippy::cast_possible_truncation, reason = "at most 60")]
-            let hit = (ARC_TOTAL / cells).ceil() as i16 - free;
-            fan(cleared_rad, range_m / cell_m, |off_rad| {
-                let (sin, cos) = libm::sincos(off_rad);
-                grid.add(grid.cell(map_from_sensor.transform(Point::new(range_m * cos, range_m * sin))), hit);
-            });
+    });
+    if let Target::Wall(point, along_rad) = target {
+        let (sin, cos) = libm::sincos(along_rad);
+        grid.add(grid.cell(point), WALL);
+        for step_m in [-cell_m, cell_m] {
+            grid.add(grid.cell(Point::new(point.x + step_m * cos, point.y + step_m * sin)), WALL_BESIDE);
         }
-        Target::Nothing => {}
     }
 }
 
@@ -71,18 +69,19 @@ fn fan(half_angle_rad: f64, radius: f64, mut each: impl FnMut(f64)) {
     }
 }
 
-/// Clears along one ray, up to a distance or to an occupied cell.
-fn clear(grid: &mut OccupancyGrid, map_from_sensor: Pose2, off_rad: f64, reach_m: f64, free: i16) {
+/// Clears along one ray, up to a distance or to an occupied cell; true where it got all the way.
+fn clear(grid: &mut OccupancyGrid, map_from_sensor: Pose2, off_rad: f64, reach_m: f64, free: i16) -> bool {
     let (sin, cos) = libm::sincos(map_from_sensor.theta_rad + off_rad);
     let step_m = grid.cell_m();
     let mut distance_m = 0.5 * step_m;
     while distance_m < reach_m {
         let point = Point::new(map_from_sensor.x_m + distance_m * cos, map_from_sensor.y_m + distance_m * sin);
         if grid.add(grid.cell(point), free) > OPAQUE {
-            return;
+            return false;
         }
         distance_m += step_m;
     }
+    true
 }
 
 #[cfg(test)]
