@@ -133,7 +133,9 @@ fn main() {
         cases.push(Case { sensors: 8, mix: FaultMix::None, ..usual.clone() });
         cases.push(Case { odometry_errors: 3.0, ..usual.clone() });
     }
-    println!("| world | beam | faults | sensors | odometry errors | heading RMSE deg, median / p90 | ATE m, median / p90 | worst m | lost | precision / recall |");
+    println!(
+        "| world | beam | faults | sensors | odometry errors | heading RMSE deg, median / p90 | ATE m, median / p90 | worst m | lost | precision / recall |"
+    );
     println!("|---|---|---|---|---|---|---|---|---|---|");
     for case in &cases {
         let next = AtomicUsize::new(0);

@@ -26,6 +26,7 @@ pub mod walls;
 pub mod pipeline;
 
 pub mod capture;
+pub mod import;
 pub mod metrics;
 pub mod publish;
 pub mod sim;
