@@ -27,6 +27,7 @@ pub mod pipeline;
 
 pub mod capture;
 pub mod import;
+pub mod inspect;
 pub mod metrics;
 pub mod publish;
 pub mod sim;

@@ -2,8 +2,8 @@
 
 use anyhow::Context as _;
 use clap::{Args, Subcommand};
-use slamd::config::Config;
-use slamd::import::{carmen, ring};
+use crate::config::Config;
+use crate::import::{carmen, ring};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader};
 use std::path::{Path, PathBuf};
