@@ -1,9 +1,9 @@
 //! `slamd import`: turns a recording into a capture.
 
-use anyhow::Context as _;
-use clap::{Args, Subcommand};
 use crate::config::Config;
 use crate::import::{carmen, ring};
+use anyhow::Context as _;
+use clap::{Args, Subcommand};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader};
 use std::path::{Path, PathBuf};
