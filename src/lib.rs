@@ -26,6 +26,8 @@ pub mod walls;
 pub mod pipeline;
 
 pub mod capture;
+pub mod import;
+pub mod inspect;
 pub mod metrics;
 pub mod publish;
 pub mod sim;

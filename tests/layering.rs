@@ -43,7 +43,7 @@ const TABLE: &[(&str, &[&str], bool)] = &[
     ("capture", &["time", "geometry"], true),
     ("sim", &["protocol", "time", "geometry", "config", "capture"], true),
     ("import", &["protocol", "time", "geometry", "config", "capture"], true),
-    ("inspect", &["protocol", "time", "geometry", "align", "capture"], true),
+    ("inspect", &["protocol", "time", "board", "capture"], true),
     ("publish", &["time", "geometry", "event", "config", "mapping", "metrics", "pipeline"], true),
     ("source", &["time", "geometry", "event", "config", "pipeline", "capture", "sim", "publish", "metrics"], true),
     ("recorder", &["time", "capture"], true),

@@ -1,0 +1,63 @@
+//! `slamd import`: turns a recording into a capture.
+
+use crate::config::Config;
+use crate::import::{carmen, ring};
+use anyhow::Context as _;
+use clap::{Args, Subcommand};
+use std::fs::File;
+use std::io::{self, BufRead, BufReader};
+use std::path::{Path, PathBuf};
+
+/// Turn a recording into a capture that `replay` runs.
+#[derive(Debug, Args)]
+pub struct ImportArgs {
+    #[command(subcommand)]
+    format: Format,
+}
+
+#[derive(Debug, Subcommand)]
+enum Format {
+    /// A CSV with one row per sweep: t_s,left_ticks,right_ticks,r0,r1,... (metres; `inf`: no echo; empty: no measurement)
+    Ring(Recording),
+    /// A CARMEN text log: ODOM, FLASER and SONAR lines
+    Carmen(Recording),
+}
+
+#[derive(Debug, Args)]
+struct Recording {
+    /// The recording; `-` reads the standard input
+    recording: PathBuf,
+    /// The robot's configuration, with its ring and `robot.ticks_per_turn`
+    #[arg(long, value_name = "ROBOT.toml")]
+    config: PathBuf,
+    /// The capture to write
+    #[arg(long, value_name = "FILE")]
+    capture: PathBuf,
+}
+
+impl ImportArgs {
+    /// Imports, and says what was found on the standard error.
+    ///
+    /// # Errors
+    /// When the recording or the configuration cannot be used or the capture cannot be written.
+    pub fn run(self) -> anyhow::Result<()> {
+        let (Format::Ring(files) | Format::Carmen(files)) = &self.format;
+        let text = std::fs::read_to_string(&files.config).with_context(|| files.config.display().to_string())?;
+        let config = Config::from_toml(&text).with_context(|| files.config.display().to_string())?;
+        let name = files.recording.display().to_string();
+        let input = open(&files.recording).with_context(|| name.clone())?;
+        let summary = match &self.format {
+            Format::Ring(_) => ring::import(input, &name, &config, &files.capture),
+            Format::Carmen(_) => carmen::import(input, &name, &config, &files.capture),
+        }?;
+        eprintln!("{}: {summary}", files.capture.display());
+        Ok(())
+    }
+}
+
+fn open(path: &Path) -> io::Result<Box<dyn BufRead>> {
+    if path == Path::new("-") {
+        return Ok(Box::new(io::stdin().lock()));
+    }
+    Ok(Box::new(BufReader::new(File::open(path)?)))
+}
