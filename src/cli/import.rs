@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 /// Turn a recording into a capture that `replay` runs.
 #[derive(Debug, Args)]
-pub struct ImportArgs {
+pub(super) struct ImportArgs {
     #[command(subcommand)]
     format: Format,
 }
@@ -40,7 +40,7 @@ impl ImportArgs {
     ///
     /// # Errors
     /// When the recording or the configuration cannot be used or the capture cannot be written.
-    pub fn run(self) -> anyhow::Result<()> {
+    pub(super) fn run(self) -> anyhow::Result<()> {
         let (Format::Ring(files) | Format::Carmen(files)) = &self.format;
         let text = std::fs::read_to_string(&files.config).with_context(|| files.config.display().to_string())?;
         let config = Config::from_toml(&text).with_context(|| files.config.display().to_string())?;

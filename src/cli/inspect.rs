@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 /// Say what is in a capture: frames, losses, gaps, sensors, wheels, damage.
 #[derive(Debug, Args)]
-pub struct InspectArgs {
+pub(super) struct InspectArgs {
     /// The capture
     capture: PathBuf,
     /// Print JSON for programs
@@ -19,7 +19,7 @@ impl InspectArgs {
     ///
     /// # Errors
     /// When the capture cannot be read at all.
-    pub fn run(self) -> anyhow::Result<()> {
+    pub(super) fn run(self) -> anyhow::Result<()> {
         let report = crate::inspect::inspect(&self.capture)?;
         let text = if self.json { serde_json::to_string_pretty(&report)? } else { report.to_string() };
         writeln!(std::io::stdout().lock(), "{text}")?;

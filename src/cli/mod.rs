@@ -1,13 +1,16 @@
 //! The command line.
 
 mod failure;
+mod import;
+mod inspect;
 mod replay;
 mod run;
 mod simulate;
 mod terminal;
 
-use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand};
 pub use failure::{Failure, Kind};
+use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -19,12 +22,10 @@ const EXAMPLES: &str = "Examples:
 
 /// Maps a home with a ring of ultrasonic sensors and two wheel encoders.
 #[derive(Debug, Parser)]
-#[command(version, about, after_help = EXAMPLES, args_conflicts_with_subcommands = true)]
+#[command(version, about, after_help = EXAMPLES, override_usage = "slamd --port <DEV> [OPTIONS]\n       slamd <COMMAND>")]
 struct Cli {
     #[command(subcommand)]
-    command: Option<Command>,
-    #[command(flatten)]
-    run: Option<run::RunArgs>,
+    command: Command,
 }
 
 #[derive(Debug, Subcommand)]
@@ -35,6 +36,10 @@ enum Command {
     Replay(replay::ReplayArgs),
     /// Drive a simulated robot, into a capture or on a pseudo-terminal.
     Simulate(Box<simulate::SimulateArgs>),
+    /// Turn a recording of another robot into a capture.
+    Import(import::ImportArgs),
+    /// Tell what is in a capture: messages, rates, gaps, faults.
+    Inspect(inspect::InspectArgs),
 }
 
 /// Where results go and how they are made; the same for a robot and for a replay.
@@ -87,8 +92,7 @@ pub(crate) fn load_config(path: &std::path::Path) -> Result<crate::config::Confi
 /// Runs the program with the process's arguments.
 #[must_use]
 pub fn main() -> ExitCode {
-    let matches = Cli::command().try_get_matches();
-    let cli = match matches.and_then(|matches| Cli::from_arg_matches(&matches)) {
+    let cli = match Cli::try_parse_from(arguments()) {
         Ok(cli) => cli,
         Err(error) => {
             let code = if error.use_stderr() { Kind::Usage as u8 } else { 0 };
@@ -98,14 +102,12 @@ pub fn main() -> ExitCode {
     };
     let filter = tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "info".into());
     tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false).init();
-    let result = match (cli.command, cli.run) {
-        (Some(Command::Run(args)), _) | (None, Some(args)) => args.run(),
-        (Some(Command::Replay(args)), _) => args.run(),
-        (Some(Command::Simulate(args)), _) => args.run(),
-        (None, None) => {
-            let _ = Cli::command().print_help();
-            return ExitCode::from(Kind::Usage as u8);
-        }
+    let result = match cli.command {
+        Command::Run(args) => args.run(),
+        Command::Replay(args) => args.run(),
+        Command::Simulate(args) => args.run(),
+        Command::Import(args) => args.run().map_err(Failure::from),
+        Command::Inspect(args) => args.run().map_err(Failure::from),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
@@ -114,4 +116,14 @@ pub fn main() -> ExitCode {
             ExitCode::from(failure.kind as u8)
         }
     }
+}
+
+/// The process's arguments; options without a command are those of `run`.
+fn arguments() -> Vec<OsString> {
+    let mut arguments: Vec<OsString> = std::env::args_os().collect();
+    let first = arguments.get(1).and_then(|first| first.to_str()).unwrap_or_default();
+    if first.starts_with('-') && !["-h", "--help", "-V", "--version"].contains(&first) {
+        arguments.insert(1, "run".into());
+    }
+    arguments
 }
