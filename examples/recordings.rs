@@ -90,6 +90,7 @@ fn scitos(csv: &str, out: &mut impl Write) -> Result<(), Failure> {
 }
 
 /// `t_us _ left right ..` and from token 24 on 682 ranges in millimetres from -120 to 120 degrees; below 20 they are error codes.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a beam from 0 to 681")]
 fn mines(dat: &str, out: &mut impl Write) -> Result<(), Failure> {
     header(21, out)?;
     for line in dat.lines() {

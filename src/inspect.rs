@@ -11,6 +11,8 @@ use std::path::Path;
 
 /// Silences of the line longer than this are listed, seconds.
 pub const GAP_S: f64 = 0.5;
+/// Gaps shown to people; the JSON form has them all.
+const GAPS_SHOWN: usize = 10;
 
 /// What a capture holds.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -281,8 +283,12 @@ impl fmt::Display for Report {
         }
         let Self { crc_errors, malformed, refused, lost_frames, .. } = self;
         writeln!(f, "errors     {crc_errors} checksum, {malformed} malformed, {refused} refused, {lost_frames} lost")?;
-        for gap in &self.gaps {
+        for gap in self.gaps.iter().take(GAPS_SHOWN) {
             writeln!(f, "gap        {:.3} s of silence at {:.3} s", gap.length_s, gap.at_s)?;
+        }
+        if let Some(more @ 1..) = self.gaps.len().checked_sub(GAPS_SHOWN) {
+            let longest_s = self.gaps.iter().map(|gap| gap.length_s).fold(0.0, f64::max);
+            writeln!(f, "gap        {more} more; the longest of all {longest_s:.3} s")?;
         }
         for (name, wheel) in ["left", "right"].iter().zip(&self.encoders) {
             writeln!(

@@ -3,6 +3,8 @@
 //! The small inputs are made by hand. The real ones are looked for in `../shared/data`; where they are absent the test says so
 //! and passes.
 
+#![expect(clippy::unwrap_used, reason = "a test")]
+
 use slamd::capture::{CaptureReader, Record};
 use slamd::config::Config;
 use slamd::event::{Event, Input, Output};
