@@ -87,7 +87,8 @@ fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
     values.retain(|value| value.is_finite());
     values.sort_by(f64::total_cmp);
     let last = values.len().saturating_sub(1) as f64;
-    values.get((share * last).round() as usize).copied().unwrap_or(f64::NAN)
+    let place = (0..values.len()).find(|&place| place as f64 >= (share * last).round());
+    place.map_or(f64::NAN, |place| values[place])
 }
 
 fn print_row(case: &Case, runs: &[Run]) {

@@ -32,13 +32,16 @@ pub struct Walls {
     axis: AxisFinder,
     axis_sweeps: usize,
     waiting: Vec<Sweep>,
+    travel_m: f64,
     tracker: Option<Tracker>,
     grid: OccupancyGrid,
 }
 
-/// Sweeps that the first axis is sought in, and the most that are waited for.
+/// The first axis is sought every so many sweeps, once the robot has driven far enough for its returns to agree pair by pair: a ring
+/// of 8 needs 3 m, one of 32 a sixteenth of that. After the most it is not waited for any longer.
 const FIRST_SWEEPS: usize = 25;
-const MOST_SWEEPS: usize = 60;
+const FIRST_TRAVEL_M: f64 = 3.0 * 8.0 * 8.0;
+const MOST_SWEEPS: usize = 300;
 /// A direction is believed when its votes gather this much better than the median direction's.
 const CONTRAST: f64 = 1.25;
 const AXIS_SIGMA_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
@@ -61,6 +64,7 @@ impl Walls {
             axis: AxisFinder::default(),
             axis_sweeps: 0,
             waiting: Vec::with_capacity(MOST_SWEEPS),
+            travel_m: 0.0,
             tracker: None,
             grid: OccupancyGrid::new(config.map.cell_m),
         }
@@ -100,7 +104,10 @@ impl Walls {
             self.axis.add(sweep.odometry, beam);
         }
         let waited = self.waiting.len();
-        if waited < MOST_SWEEPS && !waited.is_multiple_of(FIRST_SWEEPS) {
+        self.travel_m += 0.5 * (sweep.left_m + sweep.right_m).abs();
+        let is_time =
+            self.travel_m * (sweep.beams.len() as f64).powi(2) >= FIRST_TRAVEL_M && waited.is_multiple_of(FIRST_SWEEPS);
+        if waited < MOST_SWEEPS && !is_time {
             return;
         }
         let axis = self.axis.find().filter(|axis| axis.contrast >= CONTRAST);

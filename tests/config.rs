@@ -1,5 +1,7 @@
 //! The committed configurations: the default file is the default, and every robot's file can be read.
 
+#![allow(clippy::unwrap_used, reason = "a test may")]
+
 use slamd::config::Config;
 use std::path::Path;
 

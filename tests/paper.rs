@@ -1,5 +1,7 @@
 //! The paper's method where it works: point beams, ideal wheels, a rectangular room whose walls are always in range.
 
+#![allow(clippy::unwrap_used, reason = "a test may")]
+
 use slamd::config::Config;
 use slamd::event::{Estimate, Event, FaultEvent, FaultKind, SensorState};
 use slamd::fault::paper_detector::{IGNORED_SWEEPS, PaperDetector};

@@ -145,7 +145,7 @@ impl Simulation {
             self.link.send(at, &frame);
         }
         if self.board.is_streaming() {
-            let since_us = at.us() - *self.streaming_since_us.get_or_insert(at.us());
+            let since_us = at.us() - *self.streaming_since_us.get_or_insert_with(|| at.us());
             if since_us.is_multiple_of(COMMAND_US) {
                 self.command = self.explorer.command(&self.world, self.robot.pose(0.0), at.seconds());
             }

@@ -1,0 +1,55 @@
+//! Exit codes and words of the command line.
+
+#![allow(clippy::unwrap_used, reason = "a test may")]
+#![cfg(feature = "daemon")]
+
+use std::process::Command;
+
+/// Exit code and standard error.
+fn slamd(arguments: &[&str]) -> (i32, String) {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("garbage.mcap"), "this is no capture").unwrap();
+    std::fs::write(folder.path().join("bad.toml"), "[robot]\nwheel_base_m = 99\n").unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_slamd")).args(arguments).current_dir(folder.path()).output().unwrap();
+    (output.status.code().unwrap(), String::from_utf8(output.stderr).unwrap())
+}
+
+#[test]
+fn a_missing_capture_is_no_input() {
+    let (code, text) = slamd(&["replay", "nowhere.mcap"]);
+    assert_eq!(code, 66, "{text}");
+    assert!(text.contains("nowhere.mcap"), "{text}");
+}
+
+#[test]
+fn garbage_is_bad_data() {
+    let (code, text) = slamd(&["replay", "garbage.mcap"]);
+    assert_eq!(code, 65, "{text}");
+}
+
+#[test]
+fn a_bad_configuration_names_line_key_and_range() {
+    let (code, text) = slamd(&["--port", "nowhere", "--config", "bad.toml"]);
+    assert_eq!(code, 78, "{text}");
+    assert!(text.contains("line 2: robot.wheel_base_m = 99") && text.contains("from 0.02 to 3"), "{text}");
+}
+
+#[test]
+fn an_unknown_world_lists_the_known_ones() {
+    let (code, text) = slamd(&["simulate", "--world", "moon", "--capture", "x.mcap"]);
+    assert_eq!(code, 64, "{text}");
+    assert!(text.contains("flat, office, furnished"), "{text}");
+}
+
+#[test]
+fn a_missing_port_says_what_to_do() {
+    let (code, text) = slamd(&["--port", "/dev/nowhere"]);
+    assert_eq!(code, 69, "{text}");
+    assert!(text.contains("plug the board in"), "{text}");
+}
+
+#[test]
+fn usage_errors_are_usage_errors() {
+    assert_eq!(slamd(&["fly"]).0, 64);
+    assert_eq!(slamd(&["--help"]).0, 0);
+}
