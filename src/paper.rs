@@ -124,8 +124,7 @@ impl Paper {
     fn correct_position(&mut self, about: Point) {
         let heading_rad = self.heading.theta_rad();
         for line in self.heading.map_lines() {
-            let (sin, cos) = libm::sincos(line.theta_rad);
-            let rho_m = line.rho_m + cos * about.x + sin * about.y;
+            let rho_m = line.rho_m + line.normal().dot(&about.coords);
             self.ekf.update(heading_rad, &self.endpoints, line.theta_rad, rho_m);
         }
     }

@@ -1,6 +1,6 @@
 //! One sweep: every sensor of the ring heard once, moved to a common reference instant.
 //!
-//! This is the paper's reading vector V[k] = [x_1..x_n, y_1..y_n, X, Y, theta] (equation 1) before it is flattened, with the
+//! This is the paper's reading vector V\[k\] = \[x_1..x_n, y_1..y_n, X, Y, theta\] (equation 1) before it is flattened, with the
 //! age and the validity of each element beside it. Ranges follow REP-117: a finite value is a measurement, +∞ is "nothing
 //! within range", −∞ is "too close to measure" and NaN is "no measurement".
 
@@ -59,7 +59,7 @@ impl Beam {
     }
 }
 
-/// The clock-aligned vector V[k].
+/// The clock-aligned vector V\[k\].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sweep {
     /// Counts the sweeps of a session from 0.
