@@ -26,9 +26,6 @@ pub struct Options<'a> {
 /// A live session that cannot go on.
 #[derive(Debug, thiserror::Error)]
 pub enum DaemonError {
-    /// The port cannot be opened at the start.
-    #[error("{0}")]
-    Port(String),
     /// An output cannot be written.
     #[error(transparent)]
     Publish(#[from] PublishError),
@@ -51,19 +48,22 @@ enum Wake {
 /// Runs until a signal, the end of the duration, or a hang-up where that is the end.
 ///
 /// # Errors
-/// When the port cannot be opened at the start, or an output cannot be written.
+/// When an output cannot be written.
 #[expect(clippy::disallowed_methods, reason = "here time becomes an input")]
 pub async fn run(
     options: Options<'_>,
+    port: SerialStream,
     session: &mut Session,
     recorder: &mut Option<Recorder>,
 ) -> Result<(), DaemonError> {
     let begin = Instant::now();
     let now = || Timestamp::default() + begin.elapsed();
+    let mut interrupt =
+        tokio::signal::unix::signal(tokio::signal::unix::SignalKind::interrupt()).map_err(DaemonError::Signal)?;
     let mut terminate =
         tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate()).map_err(DaemonError::Signal)?;
     let end = options.duration.map(|duration| tokio::time::Instant::from_std(begin + duration));
-    let mut port = Some(open(options).map_err(DaemonError::Port)?);
+    let mut port = Some(port);
     let mut retry = FIRST_RETRY;
     let mut reopen_at = begin;
     let mut buffer = BytesMut::with_capacity(CHUNK);
@@ -86,7 +86,7 @@ pub async fn run(
         let wake = tokio::select! {
             read = read(&mut port, &mut buffer) => Wake::Read(read),
             () = tokio::time::sleep_until(deadline.into()) => Wake::Deadline,
-            _ = tokio::signal::ctrl_c() => Wake::End,
+            _ = interrupt.recv() => Wake::End,
             _ = terminate.recv() => Wake::End,
             () = sleep_until(end) => Wake::End,
         };
@@ -152,8 +152,11 @@ async fn sleep_until(end: Option<tokio::time::Instant>) {
     }
 }
 
-/// Opens the port, or says why not and what to do.
-fn open(options: Options<'_>) -> Result<SerialStream, String> {
+/// Opens the port. Call it within a runtime.
+///
+/// # Errors
+/// Why not and what to do, in words.
+pub fn open(options: Options<'_>) -> Result<SerialStream, String> {
     let name = options.port.to_string_lossy();
     let opened = tokio_serial::new(name.as_ref(), options.baud).open_native_async();
     opened.map_err(|error| {

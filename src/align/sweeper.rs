@@ -1,6 +1,6 @@
 //! Pings → sweeps: gathers one cycle of the ring and moves each ping to the sweep's reference instant.
 //!
-//! The ring fires in groups, so one V[k] spans 100-200 ms, in which a robot drives 5-10 cm or turns 6-12 degrees. The reference
+//! The ring fires in groups, so one V\[k\] spans 100-200 ms, in which a robot drives 5-10 cm or turns 6-12 degrees. The reference
 //! instant is the last ping's trigger. A beam is seen from where its sensor was when the sound turned back, half the time
 //! of flight after the trigger; the odometry track tells where that was in the robot frame of the reference instant.
 

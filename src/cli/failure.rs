@@ -38,6 +38,11 @@ impl Failure {
     pub fn new(kind: Kind, text: impl Into<String>) -> Self {
         Self { kind, text: text.into() }
     }
+
+    /// A capture that could not be created.
+    pub(super) fn creating(error: CaptureError) -> Self {
+        Self::new(Kind::CantCreate, format!("{error}; name a file that can be written"))
+    }
 }
 
 impl From<PublishError> for Failure {

@@ -11,6 +11,7 @@ mod terminal;
 use clap::{Args, Parser, Subcommand};
 pub use failure::{Failure, Kind};
 use std::ffi::OsString;
+use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -101,7 +102,12 @@ pub fn main() -> ExitCode {
         }
     };
     let filter = tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "info".into());
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false).init();
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
+        .with_target(false)
+        .init();
     let result = match cli.command {
         Command::Run(args) => args.run(),
         Command::Replay(args) => args.run(),
@@ -116,6 +122,18 @@ pub fn main() -> ExitCode {
             ExitCode::from(failure.kind as u8)
         }
     }
+}
+
+/// A length of time.
+fn seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.parse::<f64>().ok().filter(|seconds| (0.0..=1e7).contains(seconds));
+    seconds.ok_or_else(|| "it must be seconds from 0 to 10,000,000".into())
+}
+
+/// A probability.
+fn probability(text: &str) -> Result<f64, String> {
+    let probability = text.parse::<f64>().ok().filter(|probability| (0.0..=1.0).contains(probability));
+    probability.ok_or_else(|| "it must be from 0 to 1".into())
 }
 
 /// The process's arguments; options without a command are those of `run`.

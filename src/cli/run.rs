@@ -22,7 +22,7 @@ pub(super) struct RunArgs {
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
     /// Stop after this long; without it, Ctrl-C stops.
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", value_parser = super::seconds)]
     duration: Option<f64>,
     /// Stop when the port hangs up, instead of waiting for its return.
     #[arg(long)]
@@ -34,20 +34,26 @@ pub(super) struct RunArgs {
 impl RunArgs {
     pub(super) fn run(self) -> Result<(), Failure> {
         let config = self.output.configuration(Config::default())?;
-        let mut recorder = match &self.record {
-            Some(path) => Some(Recorder::begin(path, &info(&config))?),
-            None => None,
-        };
-        let mut session = Session::new(config, &self.output.out)?;
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
-        let runtime = runtime.map_err(|error| Failure::new(Kind::Unavailable, format!("tokio: {error}")))?;
         let options = Options {
             port: &self.port,
             baud: self.baud,
-            duration: self.duration.map(|seconds| Duration::from_secs_f64(seconds.clamp(0.0, 1e9))),
+            duration: self.duration.map(Duration::from_secs_f64),
             exit_on_hangup: self.exit_on_hangup,
         };
-        let result = runtime.block_on(daemon::run(options, &mut session, &mut recorder));
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+        let runtime = runtime.map_err(|error| Failure::new(Kind::Unavailable, format!("tokio: {error}")))?;
+        // Nothing is created, and no older recording overwritten, before the board's port is open.
+        let port = runtime.block_on(async { daemon::open(options) });
+        let port = port.map_err(|text| Failure::new(Kind::Unavailable, text))?;
+        let mut recorder = match &self.record {
+            Some(path) => Some(Recorder::begin(path, &info(&config)).map_err(Failure::creating)?),
+            None => None,
+        };
+        let mut session = Session::new(config, &self.output.out)?;
+        let result = runtime.block_on(daemon::run(options, port, &mut session, &mut recorder));
+        // Whatever went wrong, the map is kept.
+        let (summary, faulty) = session.finish()?;
+        terminal::report(&summary, &faulty, &self.output.out, self.output.json);
         if let Some(recorder) = recorder {
             let dropped = recorder.finish()?;
             if dropped > 0 {
@@ -57,10 +63,7 @@ impl RunArgs {
         result.map_err(|error| match error {
             DaemonError::Publish(error) => error.into(),
             other => Failure::new(Kind::Unavailable, other.to_string()),
-        })?;
-        let (summary, faulty) = session.finish()?;
-        terminal::report(&summary, &faulty, &self.output.out, self.output.json);
-        Ok(())
+        })
     }
 }
 

@@ -22,7 +22,7 @@ pub(super) struct SimulateArgs {
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Length of the session.
-    #[arg(long, value_name = "SECONDS", default_value_t = 300.0)]
+    #[arg(long, value_name = "SECONDS", default_value = "300", value_parser = super::seconds)]
     duration: f64,
     /// The mix of broken sensors: none or paper.
     #[arg(long, default_value = "none")]
@@ -43,13 +43,13 @@ pub(super) struct SimulateArgs {
     #[arg(long, value_name = "PPM", default_value_t = 300.0)]
     clock_drift: f64,
     /// Probability that a byte on the line has a bit turned over.
-    #[arg(long, value_name = "P", default_value_t = 0.0)]
+    #[arg(long, value_name = "P", default_value = "0", value_parser = super::probability)]
     bit_errors: f64,
     /// Probability that a byte on the line is lost.
-    #[arg(long, value_name = "P", default_value_t = 0.0)]
+    #[arg(long, value_name = "P", default_value = "0", value_parser = super::probability)]
     byte_drops: f64,
     /// Probability that a random byte is added to the line.
-    #[arg(long, value_name = "P", default_value_t = 0.0)]
+    #[arg(long, value_name = "P", default_value = "0", value_parser = super::probability)]
     byte_insertions: f64,
     /// Write the session, with the true poses, to this capture.
     #[arg(long, value_name = "FILE")]
@@ -61,6 +61,15 @@ pub(super) struct SimulateArgs {
 
 impl SimulateArgs {
     pub(super) fn run(self) -> Result<(), Failure> {
+        if let Some(fault) = self.fault.iter().find(|fault| fault.sensor >= self.sensors) {
+            let text = format!(
+                "there is no sensor {}: with --sensors {} they are 0 to {}",
+                fault.sensor,
+                self.sensors,
+                self.sensors - 1
+            );
+            return Err(Failure::new(Kind::Usage, text));
+        }
         let simulation = Simulation::new(SimConfig {
             world: world(&self.world)?,
             seed: self.seed,
@@ -91,7 +100,7 @@ impl SimulateArgs {
             notes: format!("slamd simulate --world {} --seed {} --duration {}", self.world, self.seed, self.duration),
             faults: Some(simulation.faults().iter().map(words).collect()),
         };
-        let mut capture = CaptureWriter::create(path, &info)?;
+        let mut capture = CaptureWriter::create(path, &info).map_err(Failure::creating)?;
         let bar = terminal::progress(Some(self.duration));
         for record in session(simulation) {
             terminal::show(&bar, record.at().seconds());
