@@ -1,2 +1,15 @@
-//! The wire format between slamd and its board.
+#![doc = include_str!("../README.md")]
 #![no_std]
+
+mod decoder;
+mod frame;
+mod message;
+mod version;
+
+pub use decoder::{DecoderCounters, FrameDecoder};
+pub use frame::{Frame, FrameBuf, FrameEncoder, MAX_FRAME, MAX_PAYLOAD, PayloadBuf, encode_frame};
+pub use message::{
+    AckResult, Echo, Encoder, Fault, FaultCode, Geometry, Hello, Log, MAX_ECHOES, MAX_PLACEMENTS, Message,
+    MessageError, Placement, SensorEcho, Sonar, Status, Text, kind,
+};
+pub use version::{VERSION_MAJOR, VERSION_MINOR, VersionError};

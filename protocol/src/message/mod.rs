@@ -1,0 +1,206 @@
+//! Messages: what a frame's payload means.
+//!
+//! What can be constructed can be emitted, and what was emitted can be parsed: `parse` and `emit` stand side by side for
+//! each message, and the types bound all lengths.
+
+mod board;
+mod error;
+mod geometry;
+mod hello;
+pub mod kind;
+mod sonar;
+mod text;
+mod wire;
+
+pub use board::{AckResult, Encoder, Fault, FaultCode, Log, Status};
+pub use error::MessageError;
+pub use geometry::{Geometry, MAX_PLACEMENTS, Placement};
+pub use hello::Hello;
+pub use sonar::{Echo, MAX_ECHOES, SensorEcho, Sonar};
+pub use text::Text;
+
+use crate::frame::PayloadBuf;
+use wire::{Reader, Writer};
+
+/// A message of either direction.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[expect(clippy::large_enum_variant, reason = "there is no allocator to box a variant with")]
+pub enum Message {
+    /// Board: who I am.
+    Hello(Hello),
+    /// Board: where the sensors sit.
+    Geometry(Geometry),
+    /// Board: the echoes of one group.
+    Sonar(Sonar),
+    /// Board: the wheels.
+    Encoder(Encoder),
+    /// Board: how I fare.
+    Status(Status),
+    /// Board: a sensor broke or recovered.
+    Fault(Fault),
+    /// Board: the answer to a TIME_REQUEST.
+    TimeResponse {
+        /// That of the request.
+        token: u16,
+        /// Board time at which the request's last byte came, microseconds.
+        rx_us: u32,
+        /// Board time at which this frame's first byte leaves, microseconds.
+        tx_us: u32,
+    },
+    /// Board: what became of a command.
+    Ack {
+        /// The command's type.
+        of_type: u8,
+        /// The command's frame number.
+        of_seq: u8,
+        /// What became of it.
+        result: AckResult,
+    },
+    /// Board: the value of a configuration key.
+    ConfigValue {
+        /// The key; its meaning is the board's.
+        key: u8,
+        /// Its value.
+        value: i32,
+    },
+    /// Board: a line of text for people.
+    Log(Log),
+    /// Host: who are you?
+    HelloRequest {
+        /// The host's major version of the protocol.
+        major: u8,
+        /// The host's minor version of the protocol.
+        minor: u8,
+    },
+    /// Host: begin to fire.
+    Start,
+    /// Host: cease to fire.
+    Stop,
+    /// Host: give a configuration key a value.
+    ConfigSet {
+        /// The key; its meaning is the board's.
+        key: u8,
+        /// Its new value.
+        value: i32,
+    },
+    /// Host: what is the value of a configuration key?
+    ConfigGet {
+        /// The key; its meaning is the board's.
+        key: u8,
+    },
+    /// Host: where do the sensors sit?
+    GeometryRequest,
+    /// Host: what time is it?
+    TimeRequest {
+        /// Any number; the response repeats it.
+        token: u16,
+    },
+    /// Host: I am here and have nothing else to say.
+    Heartbeat,
+}
+
+impl Message {
+    /// What `payload` says in a frame of type `kind`.
+    ///
+    /// # Errors
+    /// The type is unknown, the payload has the wrong length, or a field has a value without a meaning. Never panics.
+    pub fn parse(kind: u8, payload: &[u8]) -> Result<Self, MessageError> {
+        let fields = |message, expected| Reader::new(message, expected, payload);
+        Ok(match kind {
+            kind::HELLO => Self::Hello(Hello::parse(payload)?),
+            kind::GEOMETRY => Self::Geometry(Geometry::parse(payload)?),
+            kind::SONAR => Self::Sonar(Sonar::parse(payload)?),
+            kind::ENCODER => Self::Encoder(Encoder::parse(payload)?),
+            kind::STATUS => Self::Status(Status::parse(payload)?),
+            kind::FAULT => Self::Fault(Fault::parse(payload)?),
+            kind::TIME_RESPONSE => {
+                let mut fields = fields("TIME_RESPONSE", "at least 10");
+                Self::TimeResponse { token: fields.u16()?, rx_us: fields.u32()?, tx_us: fields.u32()? }
+            }
+            kind::ACK => {
+                let mut fields = fields("ACK", "at least 3");
+                let (of_type, of_seq) = (fields.u8()?, fields.u8()?);
+                Self::Ack { of_type, of_seq, result: AckResult::from_code(fields.u8()?)? }
+            }
+            kind::CONFIG_VALUE => {
+                let mut fields = fields("CONFIG_VALUE", "at least 5");
+                Self::ConfigValue { key: fields.u8()?, value: fields.i32()? }
+            }
+            kind::LOG => Self::Log(Log::parse(payload)?),
+            kind::HELLO_REQUEST => {
+                let mut fields = fields("HELLO_REQUEST", "at least 2");
+                Self::HelloRequest { major: fields.u8()?, minor: fields.u8()? }
+            }
+            kind::START => Self::Start,
+            kind::STOP => Self::Stop,
+            kind::CONFIG_SET => {
+                let mut fields = fields("CONFIG_SET", "at least 5");
+                Self::ConfigSet { key: fields.u8()?, value: fields.i32()? }
+            }
+            kind::CONFIG_GET => Self::ConfigGet { key: fields("CONFIG_GET", "at least 1").u8()? },
+            kind::GEOMETRY_REQUEST => Self::GeometryRequest,
+            kind::TIME_REQUEST => Self::TimeRequest { token: fields("TIME_REQUEST", "at least 2").u16()? },
+            kind::HEARTBEAT => Self::Heartbeat,
+            unknown => return Err(MessageError::UnknownType(unknown)),
+        })
+    }
+
+    /// Makes `payload` this message's, whatever it held.
+    pub fn emit(&self, payload: &mut PayloadBuf) {
+        payload.clear();
+        let mut out = Writer(payload);
+        match self {
+            Self::Hello(hello) => hello.emit(&mut out),
+            Self::Geometry(geometry) => geometry.emit(&mut out),
+            Self::Sonar(sonar) => sonar.emit(&mut out),
+            Self::Encoder(encoder) => encoder.emit(&mut out),
+            Self::Status(status) => status.emit(&mut out),
+            Self::Fault(fault) => fault.emit(&mut out),
+            Self::TimeResponse { token, rx_us, tx_us } => {
+                out.u16(*token).u32(*rx_us).u32(*tx_us);
+            }
+            Self::Ack { of_type, of_seq, result } => {
+                out.u8(*of_type).u8(*of_seq).u8(*result as u8);
+            }
+            Self::Log(log) => log.emit(&mut out),
+            Self::HelloRequest { major, minor } => {
+                out.u8(*major).u8(*minor);
+            }
+            Self::ConfigValue { key, value } | Self::ConfigSet { key, value } => {
+                out.u8(*key).i32(*value);
+            }
+            Self::ConfigGet { key } => {
+                out.u8(*key);
+            }
+            Self::TimeRequest { token } => {
+                out.u16(*token);
+            }
+            Self::Start | Self::Stop | Self::GeometryRequest | Self::Heartbeat => {}
+        }
+    }
+
+    /// The type byte of this message's frame.
+    #[must_use]
+    pub const fn kind(&self) -> u8 {
+        match self {
+            Self::Hello(_) => kind::HELLO,
+            Self::Geometry(_) => kind::GEOMETRY,
+            Self::Sonar(_) => kind::SONAR,
+            Self::Encoder(_) => kind::ENCODER,
+            Self::Status(_) => kind::STATUS,
+            Self::Fault(_) => kind::FAULT,
+            Self::TimeResponse { .. } => kind::TIME_RESPONSE,
+            Self::Ack { .. } => kind::ACK,
+            Self::ConfigValue { .. } => kind::CONFIG_VALUE,
+            Self::Log(_) => kind::LOG,
+            Self::HelloRequest { .. } => kind::HELLO_REQUEST,
+            Self::Start => kind::START,
+            Self::Stop => kind::STOP,
+            Self::ConfigSet { .. } => kind::CONFIG_SET,
+            Self::ConfigGet { .. } => kind::CONFIG_GET,
+            Self::GeometryRequest => kind::GEOMETRY_REQUEST,
+            Self::TimeRequest { .. } => kind::TIME_REQUEST,
+            Self::Heartbeat => kind::HEARTBEAT,
+        }
+    }
+}
