@@ -33,7 +33,7 @@ impl Pen {
 }
 
 /// Height of a line of text, pixels.
-pub(super) const TEXT_PX: f64 = 16.0;
+pub(super) const TEXT_PX: f64 = 20.0;
 
 impl Canvas {
     /// An empty picture, at least one pixel.
@@ -105,8 +105,8 @@ impl Canvas {
         self.polyline([(x - arm_px, y + arm_px), (x + arm_px, y - arm_px)], pen);
     }
 
-    /// Writes words whose upper left corner is at `at`; returns their width in pixels.
-    pub(super) fn text(&mut self, at: Pixel, words: &str, ink: Ink) -> f64 {
+    /// Writes words whose upper left corner is at `at`.
+    pub(super) fn text(&mut self, at: Pixel, words: &str, ink: Ink) {
         let advance = get_raster_width(WEIGHT, SIZE);
         for (place, letter) in words.chars().enumerate() {
             let Some(raster) = get_raster(letter, WEIGHT, SIZE).or_else(|| get_raster('?', WEIGHT, SIZE)) else {
@@ -118,7 +118,11 @@ impl Canvas {
                 }
             }
         }
-        (words.chars().count() * advance) as f64
+    }
+
+    /// The width of words, pixels.
+    pub(super) fn text_width_px(words: &str) -> f64 {
+        (words.chars().count() * get_raster_width(WEIGHT, SIZE)) as f64
     }
 
     /// Copies a picture so that its upper left corner is at (`left`, `top`).
@@ -188,6 +192,6 @@ const fn single(pixels: f64) -> f32 {
 }
 
 const WEIGHT: FontWeight = FontWeight::Regular;
-const SIZE: RasterHeight = RasterHeight::Size16;
+const SIZE: RasterHeight = RasterHeight::Size20;
 /// Longest side of a picture, pixels.
 const MAX_SIDE: u32 = 8192;

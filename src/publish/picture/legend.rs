@@ -10,14 +10,14 @@ use std::f64::consts::FRAC_PI_2;
 /// Height of the strip, pixels.
 pub(super) const HEIGHT_PX: usize = 150;
 /// The strip needs this width, pixels.
-pub(super) const MIN_WIDTH_PX: usize = 860;
+pub(super) const MIN_WIDTH_PX: usize = 1000;
 
 /// Draws the strip from `top` down.
 pub(super) fn draw(canvas: &mut Canvas, top: f64, scene: &Scene<'_>, floor: &Floor<'_>) {
     let dial = RobotMark { ring: scene.ring, states: scene.states, body_px: 20.0, beam_px: 42.0 };
     dial.draw(canvas, (MARGIN_PX + 66.0, top + 72.0), FRAC_PI_2);
     let left = MARGIN_PX + 156.0;
-    let mut line = Line { canvas, x: left, y: top + 14.0 };
+    let mut line = Line { canvas, x: left, y: top + 10.0 };
     line.words(scene.robot_name, TEXT);
     line.words(&format!("{} sensors", scene.ring.len()), FAINT);
     let (words, ink) = verdict(scene.states);
@@ -51,17 +51,15 @@ struct Line<'a> {
 
 impl Line<'_> {
     fn words(&mut self, words: &str, ink: Ink) {
-        let room = ((self.canvas.width_px() - MARGIN_PX - self.x) / 8.0).max(0.0);
-        let fits = words.chars().count() as f64 <= room;
-        let shown: String = words
-            .chars()
-            .scan(0.0, |used, letter| {
-                *used += 1.0;
-                (fits || *used + 3.0 <= room).then_some(letter)
-            })
-            .collect();
-        let dots = if fits { "" } else { "..." };
-        self.x += self.canvas.text((self.x, self.y), &format!("{shown}{dots}"), ink) + GAP_PX;
+        let room_px = self.canvas.width_px() - MARGIN_PX - self.x;
+        let mut shown = words.to_owned();
+        while Canvas::text_width_px(&shown) > room_px && shown.len() > 3 {
+            shown = shown.trim_end_matches("...").into();
+            shown.pop();
+            shown += "...";
+        }
+        self.canvas.text((self.x, self.y), &shown, ink);
+        self.x += Canvas::text_width_px(&shown) + GAP_PX;
     }
 
     fn stroke(&mut self, pen: Pen) {
@@ -89,7 +87,7 @@ impl Line<'_> {
     }
 
     fn next(&mut self, left: f64) {
-        (self.x, self.y) = (left, self.y + 38.0);
+        (self.x, self.y) = (left, self.y + 42.0);
     }
 }
 

@@ -53,9 +53,9 @@ pub(super) fn body_m(ring: &Ring) -> f64 {
 }
 
 pub(super) const HEALTHY: Ink = [62, 150, 110, 255];
-const HEALTHY_CONE: Ink = [62, 150, 110, 46];
+const HEALTHY_CONE: Ink = [62, 150, 110, 26];
 pub(super) const FAULTY: Ink = [206, 52, 52, 255];
-const FAULTY_CONE: Ink = [206, 52, 52, 60];
+const FAULTY_CONE: Ink = [206, 52, 52, 56];
 const BODY: Ink = [33, 74, 128, 255];
 const NOSE: Ink = [255, 255, 255, 235];
 /// Point beams are drawn this wide.
