@@ -1,7 +1,12 @@
 //! What the board has said of itself: who it is and where its sensors sit.
 
 use crate::geometry::{Mounting, Pose2, Ring};
-use slamd_protocol::{Geometry, Hello};
+use slamd_protocol::{Geometry, Hello, MAX_ECHOES};
+
+/// No wheel has more encoder ticks per turn, and no robot is larger.
+const MOST_TICKS: u32 = 10_000_000;
+const MOST_MM: u16 = 2_000;
+const MOST_HALF_ANGLE_CDEG: u16 = 6_000;
 
 /// The board as far as it is known.
 #[derive(Clone, Debug, Default)]
@@ -17,10 +22,44 @@ impl Board {
         self.hello.as_ref()
     }
 
+    /// Encoder ticks per turn of a wheel, where the board can be understood and knows them.
+    #[must_use]
+    pub fn ticks_per_turn(&self) -> Option<u32> {
+        let hello = self.hello.as_ref().filter(|hello| hello.check_version().is_ok())?;
+        Some(hello.ticks_per_turn).filter(|&ticks| ticks > 0)
+    }
+
     /// True where the board speaks another major version: nothing else that it sends may be used.
     #[must_use]
     pub fn is_refused(&self) -> bool {
         self.hello.as_ref().is_some_and(|hello| hello.check_version().is_err())
+    }
+
+    /// Why nothing that the board sends may be used, and which side to update.
+    #[must_use]
+    pub fn refusal(&self) -> Option<String> {
+        let refused = self.hello.as_ref()?.check_version().err()?;
+        Some(format!("protocol mismatch: {refused}"))
+    }
+
+    /// What the board says of itself that cannot be, with what to do about it.
+    ///
+    /// # Errors
+    /// One of its numbers is out of range.
+    pub fn check(hello: &Hello) -> Result<(), String> {
+        let sensors = usize::from(hello.sensors);
+        if !(1..=MAX_ECHOES).contains(&sensors) {
+            return Err(format!(
+                "the board says it has {sensors} sensors, which must be 1 to {MAX_ECHOES}: correct its setting `sensors`"
+            ));
+        }
+        if hello.ticks_per_turn > MOST_TICKS {
+            return Err(format!(
+                "the board says {} encoder ticks per turn, which must be 1 to {MOST_TICKS}: set robot.ticks_per_turn",
+                hello.ticks_per_turn
+            ));
+        }
+        Ok(())
     }
 
     /// The board introduces itself. True where it has restarted since it last did.
@@ -44,7 +83,27 @@ impl Board {
     }
 
     /// Part of the ring's geometry. The ring, once all its parts have arrived.
-    pub fn place(&mut self, geometry: &Geometry) -> Option<Ring> {
+    ///
+    /// # Errors
+    /// A sensor sits where none can, or there are not as many as HELLO said; in words, with what to do about it.
+    pub fn place(&mut self, geometry: &Geometry) -> Result<Option<Ring>, String> {
+        if let Some(hello) = self.hello.as_ref().filter(|hello| hello.sensors != geometry.total()) {
+            let (total, sensors) = (geometry.total(), hello.sensors);
+            return Err(format!(
+                "the board names the places of {total} sensors but says it has {sensors}: update its firmware, or name [ring.circle] in the robot's configuration"
+            ));
+        }
+        for (sensor, place) in (usize::from(geometry.first())..).zip(geometry.placements()) {
+            let far_mm = place.x_mm.unsigned_abs().max(place.y_mm.unsigned_abs());
+            if far_mm > MOST_MM || place.half_angle_cdeg > MOST_HALF_ANGLE_CDEG {
+                return Err(format!(
+                    "the board says sensor {sensor} sits at {} mm, {} mm with a half angle of {} degrees, which must be within {MOST_MM} mm and 60 degrees: correct the board's settings, or name [ring.circle] in the robot's configuration",
+                    place.x_mm,
+                    place.y_mm,
+                    f64::from(place.half_angle_cdeg) * 1e-2,
+                ));
+            }
+        }
         if self.mountings.len() != usize::from(geometry.total()) {
             self.mountings = vec![None; usize::from(geometry.total())];
         }
@@ -61,6 +120,6 @@ impl Board {
             });
         }
         let mountings: Option<Vec<Mounting>> = self.mountings.iter().copied().collect();
-        mountings.filter(|mountings| !mountings.is_empty()).map(|mountings| Ring { mountings })
+        Ok(mountings.filter(|mountings| !mountings.is_empty()).map(|mountings| Ring { mountings }))
     }
 }

@@ -4,6 +4,8 @@
 
 use crate::geometry::{Mounting, Pose2, Ring};
 use serde::{Deserialize, Serialize};
+use slamd_protocol::Setting;
+use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use toml::de::{DeTable, DeValue};
 
@@ -30,6 +32,30 @@ pub struct Config {
     pub ring: RingConfig,
     /// The map.
     pub map: MapConfig,
+    /// Settings of the board, by their names in the protocol; those not named stay as the board has them.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub board: BTreeMap<String, SettingValue>,
+}
+
+/// The value of a board's setting.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum SettingValue {
+    /// No is 0, yes is 1.
+    Flag(bool),
+    /// A number.
+    Number(i32),
+}
+
+impl SettingValue {
+    /// As on the wire.
+    #[must_use]
+    pub fn value(self) -> i32 {
+        match self {
+            Self::Flag(flag) => i32::from(flag),
+            Self::Number(number) => number,
+        }
+    }
 }
 
 /// The drive.
@@ -221,7 +247,21 @@ impl Config {
             check.within(&format!("ring.sensors.{i}.bearing_deg"), sensor.bearing_deg, -360.0..=360.0)?;
             check.within(&format!("ring.sensors.{i}.half_angle_deg"), sensor.half_angle_deg, 0.0..=60.0)?;
         }
+        for (name, value) in &self.board {
+            let key = format!("board.{name}");
+            let Some(setting) = Setting::from_name(name) else {
+                let names: Vec<&str> = Setting::ALL.iter().map(|setting| setting.name()).collect();
+                return Err(check.refusal(&key, "given", &format!("one of {}", names.join(", "))));
+            };
+            let (least, most) = setting.range().into_inner();
+            check.within(&key, f64::from(value.value()), f64::from(least)..=f64::from(most))?;
+        }
         check.within("map.cell_m", self.map.cell_m, 0.01..=0.5)
+    }
+
+    /// The board's settings that the configuration names.
+    pub fn settings(&self) -> impl Iterator<Item = (Setting, i32)> {
+        self.board.iter().filter_map(|(name, value)| Some((Setting::from_name(name)?, value.value())))
     }
 }
 

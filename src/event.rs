@@ -22,6 +22,11 @@ pub enum Input<'a> {
         /// The chunk, exactly as written.
         bytes: &'a [u8],
     },
+    /// The port has been opened again: what follows comes over a new connection, perhaps from a board that has restarted.
+    Opened {
+        /// When it was.
+        at: Timestamp,
+    },
     /// The deadline named by `Pipeline::next_deadline` has come.
     Tick {
         /// That deadline.
@@ -72,6 +77,13 @@ pub enum Event {
     BoardReset {
         /// When it was noticed.
         at: Timestamp,
+    },
+    /// The board says of itself what cannot be, or does not take a setting.
+    BoardTrouble {
+        /// When it was heard.
+        at: Timestamp,
+        /// What, and what to do about it.
+        text: String,
     },
 }
 
@@ -169,6 +181,12 @@ pub struct Counters {
     pub unknown: u64,
     /// Good frames whose content was refused.
     pub refused: u64,
+    /// The host's own messages, come back.
+    pub echoed: u64,
+    /// Fired groups of the ring that were used.
+    pub groups: u64,
+    /// Restarts of the board.
+    pub restarts: u64,
     /// Sweeps used.
     pub sweeps: u64,
     /// Sweeps that were given up because too much of them was missing.

@@ -176,7 +176,7 @@ impl Reading {
                 }
             }
             Ok(Message::Geometry(geometry)) => {
-                let ring = self.board.place(&geometry).unwrap_or_default();
+                let ring = self.board.place(&geometry).ok().flatten().unwrap_or_default();
                 for (sensor, mounting) in (0u8..=u8::MAX).zip(&ring.mountings) {
                     self.sensors.entry(sensor).or_default().group = mounting.group;
                 }

@@ -13,7 +13,10 @@ pub mod config;
 
 pub mod align;
 pub mod board;
+pub mod conversation;
 pub mod handshake;
+pub mod link;
+pub mod settings;
 
 pub mod fault;
 pub mod mapping;

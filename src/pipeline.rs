@@ -12,16 +12,16 @@ use crate::align::track::Wheels;
 use crate::align::{Aligner, Restarted};
 use crate::board::Board;
 use crate::config::{Config, Method};
+use crate::conversation::{Conversation, Trust};
 use crate::event::{Calibration, Counters, Event, Input, Output, SensorState};
 use crate::geometry::Ring;
-use crate::handshake::{Handshake, Known};
 use crate::mapping::raster::Raster;
 use crate::paper::Paper;
 use crate::sweep::Sweep;
 use crate::time::Timestamp;
 use crate::walls::Walls;
 use bytes::Bytes;
-use slamd_protocol::{FrameDecoder, FrameEncoder, Hello, Message, MessageError};
+use slamd_protocol::{DELIMITER, Encoder, FrameDecoder, FrameEncoder, Hello, Message, MessageError, Sonar};
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
 
@@ -32,9 +32,7 @@ pub struct Pipeline {
     decoder: FrameDecoder,
     sent: FrameDecoder,
     encoder: FrameEncoder,
-    handshake: Handshake,
-    board: Board,
-    is_streaming: bool,
+    conversation: Conversation,
     aligner: Aligner,
     estimator: Option<Estimator>,
     last_seq: Option<u8>,
@@ -76,9 +74,7 @@ impl Pipeline {
             decoder: FrameDecoder::new(),
             sent: FrameDecoder::new(),
             encoder: FrameEncoder::default(),
-            handshake: Handshake::default(),
-            board: Board::default(),
-            is_streaming: false,
+            conversation: Conversation::new(config),
             aligner: Aligner::new(ring.min_range_m..=ring.max_range_m, ring.temperature_c),
             estimator: None,
             last_seq: None,
@@ -108,8 +104,10 @@ impl Pipeline {
                     self.sent(byte, at);
                 }
             }
+            Input::Opened { at } => self.opened(at),
             Input::Tick { at } => self.tick(at),
         }
+        self.outputs.extend(self.events.drain(..).map(Output::Event));
     }
 
     /// The next output; drain to `None` before the next input.
@@ -120,7 +118,7 @@ impl Pipeline {
     /// When to hand in [`Input::Tick`], unless an input comes earlier.
     #[must_use]
     pub fn next_deadline(&self) -> Timestamp {
-        self.handshake.deadline()
+        self.conversation.deadline()
     }
 
     /// The map as it is now.
@@ -158,6 +156,12 @@ impl Pipeline {
         }
     }
 
+    /// The board as far as it is known.
+    #[must_use]
+    pub fn board(&self) -> &Board {
+        self.conversation.board()
+    }
+
     /// What has been counted so far.
     #[must_use]
     pub fn counters(&self) -> Counters {
@@ -178,26 +182,35 @@ impl Pipeline {
         if let Some(last) = self.last_seq.replace(seq) {
             self.counters.lost_frames += u64::from(seq.wrapping_sub(last).wrapping_sub(1));
         }
-        self.handshake.heard(at);
+        self.conversation.heard(at);
         match message {
+            Ok(message) if message.kind() & FROM_HOST != 0 => self.counters.echoed += 1,
             Ok(message) => self.message(message, at),
             Err(MessageError::UnknownType(_)) => self.counters.unknown += 1,
             Err(_) => self.counters.refused += 1,
         }
-        self.outputs.extend(self.events.drain(..).map(Output::Event));
     }
 
     fn message(&mut self, message: Message, at: Timestamp) {
         if let Message::Hello(hello) = message {
             return self.hello(hello, at);
         }
-        if self.board.is_refused() {
+        if self.conversation.board().is_refused() {
             return;
         }
+        let Self { conversation, aligner, estimator, counters, events, .. } = self;
+        let trust = match &message {
+            Message::Sonar(Sonar { t_us, .. }) | Message::Encoder(Encoder { t_us, .. }) => {
+                conversation.trust(at, || aligner.continues(*t_us, at))
+            }
+            _ => Trust::Yes,
+        };
         let aligned = match &message {
+            _ if trust == Trust::Restarted => Err(Restarted),
+            _ if trust == Trust::Wait => Ok(()),
             Message::Sonar(sonar) => {
-                self.is_streaming = true;
-                let Self { aligner, estimator, counters, events, .. } = self;
+                conversation.fired(at);
+                counters.groups += 1;
                 aligner.sonar(sonar, at, |sweep| {
                     if let Some(estimator) = estimator {
                         estimator.update(sweep, events);
@@ -205,57 +218,65 @@ impl Pipeline {
                     }
                 })
             }
-            Message::Encoder(encoder) => self.aligner.encoder(encoder, at),
-            Message::TimeResponse { token, rx_us, tx_us } => match self.handshake.time_request(*token) {
-                Some(sent) => self.aligner.round_trip(sent, *rx_us, *tx_us, at),
+            Message::Encoder(encoder) => aligner.encoder(encoder, at),
+            Message::TimeResponse { token, rx_us, tx_us } => match conversation.time_request(*token) {
+                Some(sent) => aligner.round_trip(sent, *rx_us, *tx_us, at),
                 None => Ok(()),
             },
-            Message::Geometry(geometry) => {
-                if let Some(ring) = self.board.place(geometry) {
-                    self.use_ring(self.config.ring.ring().unwrap_or(ring), at);
-                    self.handshake.hurry(at);
-                }
-                Ok(())
-            }
-            Message::Status(status) => {
-                if let Some(temperature_cdeg) = status.temperature_cdeg {
-                    self.aligner.set_temperature(0.01 * f64::from(temperature_cdeg));
-                }
-                Ok(())
-            }
-            Message::Log(log) => {
-                let text = log.text.chars().filter(|c| !c.is_control()).collect();
-                self.events.push(Event::BoardLog { at, text });
-                Ok(())
-            }
-            _ => Ok(()),
+            _ => return self.aside(&message, at),
         };
         if aligned == Err(Restarted) {
             self.restart(at);
         }
     }
 
+    /// A message without a stamp that sweeps are made of.
+    fn aside(&mut self, message: &Message, at: Timestamp) {
+        let Self { conversation, events, .. } = self;
+        match message {
+            Message::Geometry(geometry) => {
+                if let Some(ring) = conversation.geometry(geometry, at, events) {
+                    self.use_ring(self.config.ring.ring().unwrap_or(ring), at);
+                }
+            }
+            Message::ConfigValue { key, value } => conversation.setting(*key, *value, at),
+            Message::Ack { of_type, result, .. } => conversation.acknowledged(*of_type, *result, at, events),
+            Message::Status(status) => {
+                let temperature_c = status.temperature_cdeg.map(|cdeg| 0.01 * f64::from(cdeg));
+                if let Some(temperature_c) = temperature_c.filter(|celsius| PLAUSIBLE_C.contains(celsius)) {
+                    self.aligner.set_temperature(temperature_c);
+                }
+            }
+            Message::Log(log) => {
+                let text = log.text.chars().filter(|c| !c.is_control()).collect();
+                events.push(Event::BoardLog { at, text });
+            }
+            _ => {}
+        }
+    }
+
     fn hello(&mut self, hello: Hello, at: Timestamp) {
-        let ticks = hello.ticks_per_turn;
-        let is_first = self.board.hello().is_none();
-        if self.board.greet(hello) {
+        if self.conversation.hello(hello, at, &mut self.events) {
             self.restart(at);
         }
-        let compatible = !self.board.is_refused();
-        if is_first || !compatible {
-            self.events.push(Event::Board { at, description: self.board.description(), compatible });
-        }
-        if compatible && self.config.robot.ticks_per_turn.is_none() && ticks > 0 {
+        let ticks = self.conversation.board().ticks_per_turn();
+        if let (Some(ticks), None) = (ticks, self.config.robot.ticks_per_turn) {
             self.use_ticks(ticks);
         }
-        self.handshake.hurry(at);
+    }
+
+    fn opened(&mut self, at: Timestamp) {
+        // Half a frame of the old connection must not eat the first of the new one.
+        self.decoder.push(DELIMITER);
+        self.conversation.opened(at);
+        self.last_seq = None;
     }
 
     fn restart(&mut self, at: Timestamp) {
         self.aligner.restart();
-        self.is_streaming = false;
+        self.conversation.restarted(at);
         self.last_seq = None;
-        self.handshake.hurry(at);
+        self.counters.restarts += 1;
         self.events.push(Event::BoardReset { at });
     }
 
@@ -277,23 +298,22 @@ impl Pipeline {
     fn sent(&mut self, byte: u8, at: Timestamp) {
         let Some(frame) = self.sent.push(byte) else { return };
         if let Ok(Message::TimeRequest { token }) = Message::parse(frame.kind, frame.payload) {
-            self.handshake.time_request_sent(token, at);
+            self.conversation.time_request_sent(token, at);
         }
     }
 
     fn tick(&mut self, at: Timestamp) {
-        if at < self.handshake.deadline() {
+        if at < self.conversation.deadline() {
             return;
         }
-        let known = Known {
-            hello: self.board.hello().is_some(),
-            ring: self.aligner.ring().is_some(),
-            streaming: self.is_streaming,
-            refused: self.board.is_refused(),
-        };
-        for message in self.handshake.ask(at, known) {
+        for message in self.conversation.ask(at, &mut self.events) {
             let frame = self.encoder.encode(&message);
             self.outputs.push_back(Output::Transmit(Bytes::copy_from_slice(&frame)));
         }
     }
 }
+
+/// The bit that marks the host's messages.
+const FROM_HOST: u8 = 0x80;
+/// Air in which a robot drives, degrees Celsius.
+const PLAUSIBLE_C: std::ops::RangeInclusive<f64> = -40.0..=85.0;

@@ -24,7 +24,7 @@ pub(crate) const MAX_CONTENT: usize = MIN_CONTENT + MAX_PAYLOAD;
 pub const MAX_FRAME: usize = 1 + MAX_CONTENT + 1;
 
 /// Ends every frame and occurs nowhere else.
-pub(crate) const DELIMITER: u8 = 0x00;
+pub const DELIMITER: u8 = 0x00;
 
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 

@@ -26,6 +26,9 @@ pub struct Aligner {
     newest: Timestamp,
 }
 
+/// A message is never this late, and a rate learnt within a minute is not this wrong after an hour of silence, seconds.
+const CONTINUES_S: f64 = 0.5;
+
 /// The board's clock has jumped back: it has restarted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Restarted;
@@ -122,6 +125,18 @@ impl Aligner {
         let answered = self.widener.widen(tx_us).ok_or(Restarted)?;
         self.clock.round_trip(sent, received, answered, at);
         Ok(())
+    }
+
+    /// True where a message stamped `t_us` that has arrived at `at` continues the board's clock, as far as that is known.
+    #[must_use]
+    pub fn continues(&self, t_us: u32, at: Timestamp) -> bool {
+        let stamp = self.widener.clone().widen(t_us);
+        let expected = stamp.map(|stamp| self.clock.host_time(stamp));
+        match expected {
+            None => false,
+            Some(None) => true,
+            Some(Some(expected)) => at.seconds_since(expected).abs() < CONTINUES_S,
+        }
     }
 
     /// The board has restarted: its clock and its counters begin anew, the robot is where it was.

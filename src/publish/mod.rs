@@ -123,7 +123,11 @@ impl Outputs {
                     faults.state(fault.sensor, fault.state);
                 }
             }
-            Event::Board { .. } | Event::Ring { .. } | Event::BoardLog { .. } | Event::BoardReset { .. } => {}
+            Event::Board { .. }
+            | Event::Ring { .. }
+            | Event::BoardLog { .. }
+            | Event::BoardReset { .. }
+            | Event::BoardTrouble { .. } => {}
         }
         Ok(())
     }

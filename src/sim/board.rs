@@ -6,8 +6,8 @@ use super::robot::TICKS_PER_TURN;
 use crate::geometry::Ring;
 use crate::time::Timestamp;
 use slamd_protocol::{
-    Echo, Encoder, FrameBuf, FrameDecoder, FrameEncoder, Geometry, Hello, Message, Placement, SensorEcho, Sonar,
-    Status, Text, VERSION_MAJOR, VERSION_MINOR,
+    AckResult, Echo, Encoder, FrameBuf, FrameDecoder, FrameEncoder, Geometry, Hello, Message, Placement, SensorEcho,
+    Setting, Sonar, Status, Text, VERSION_MAJOR, VERSION_MINOR,
 };
 
 /// True temperature of the air, degrees Celsius.
@@ -27,6 +27,10 @@ pub struct Board {
     rate: f64,
     frames: u32,
     is_streaming: bool,
+    settings: [i32; Setting::ALL.len()],
+    /// Encoder counts at the start of the board.
+    ticks_at_boot: [i32; 2],
+    random: Random,
 }
 
 impl Board {
@@ -35,7 +39,6 @@ impl Board {
     pub fn new(ring: Ring, drift_ppm: f64, mut random: Random) -> Self {
         let [boot_id, boot_us] = [random.bits() & 0xFFFF_FFFF, random.bits() & 0xFFFF_FFFF];
         Self {
-            ring,
             decoder: FrameDecoder::new(),
             encoder: FrameEncoder::default(),
             boot_id: u32::try_from(boot_id).unwrap_or_default(),
@@ -43,7 +46,22 @@ impl Board {
             rate: 1.0 + drift_ppm * 1e-6 * random.sign(),
             frames: 0,
             is_streaming: false,
+            settings: settings(&ring),
+            ticks_at_boot: [0; 2],
+            ring,
+            random,
         }
+    }
+
+    /// The board loses its supply for a moment at `at`: it begins anew with other numbers, and waits for the host.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "microseconds of a session")]
+    pub fn restart(&mut self, at: Timestamp, ticks: [i32; 2]) -> FrameBuf {
+        self.boot_id = u32::from_le_bytes(self.random.bits().to_le_bytes()[..4].try_into().unwrap_or_default());
+        self.boot_us = (self.random.bits() & 0xFFFF_FFFF).wrapping_sub((at.us() as f64 * self.rate) as u64);
+        self.ticks_at_boot = ticks;
+        self.is_streaming = false;
+        (self.decoder, self.encoder, self.frames) = (FrameDecoder::new(), FrameEncoder::default(), 0);
+        self.hello()
     }
 
     /// The ring.
@@ -62,27 +80,76 @@ impl Board {
     #[must_use]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the low 32 bits are meant")]
     pub fn clock_us(&self, at: Timestamp) -> u32 {
-        (self.boot_us + (at.us() as f64 * self.rate) as u64) as u32
+        self.boot_us.wrapping_add((at.us() as f64 * self.rate) as u64) as u32
     }
 
     /// Bytes from the host; what the board answers.
     pub fn hear(&mut self, at: Timestamp, bytes: &[u8]) -> Vec<FrameBuf> {
         let mut answers = Vec::new();
         for &byte in bytes {
-            let message = self.decoder.push(byte).and_then(|frame| Message::parse(frame.kind, frame.payload).ok());
-            match message {
-                Some(Message::HelloRequest { .. }) => answers.push(self.hello()),
-                Some(Message::GeometryRequest) => answers.extend(self.geometry()),
-                Some(Message::Start) => self.is_streaming = true,
-                Some(Message::Stop) => self.is_streaming = false,
-                Some(Message::TimeRequest { token }) => {
+            let Some(frame) = self.decoder.push(byte) else { continue };
+            let (of_type, of_seq) = (frame.kind, frame.seq);
+            let Ok(message) = Message::parse(frame.kind, frame.payload) else { continue };
+            let result = match message {
+                Message::HelloRequest { .. } => {
+                    answers.push(self.hello());
+                    continue;
+                }
+                Message::GeometryRequest => {
+                    answers.extend(self.geometry());
+                    continue;
+                }
+                Message::TimeRequest { token } => {
                     let now_us = self.clock_us(at);
                     answers.push(self.frame(&Message::TimeResponse { token, rx_us: now_us, tx_us: now_us }));
+                    continue;
                 }
-                _ => {}
-            }
+                Message::ConfigGet { key } => match Setting::from_key(key) {
+                    Some(setting) => {
+                        let value = self.setting(setting);
+                        answers.push(self.frame(&Message::ConfigValue { key, value }));
+                        continue;
+                    }
+                    None => AckResult::Unknown,
+                },
+                Message::ConfigSet { key, value } => {
+                    Setting::from_key(key).map_or(AckResult::Unknown, |setting| self.set(setting, value))
+                }
+                Message::Start | Message::Stop => {
+                    self.is_streaming = message == Message::Start;
+                    AckResult::Done
+                }
+                _ => continue,
+            };
+            answers.push(self.frame(&Message::Ack { of_type, of_seq, result }));
         }
         answers
+    }
+
+    fn setting(&self, setting: Setting) -> i32 {
+        self.settings[usize::from(setting.key()) - 1]
+    }
+
+    /// The ring is built as it is; how the wheels are wired can be told.
+    fn set(&mut self, setting: Setting, value: i32) -> AckResult {
+        if value == self.setting(setting) {
+            return AckResult::Done;
+        }
+        let is_wheels = matches!(setting, Setting::LeftReversed | Setting::RightReversed | Setting::WheelsSwapped);
+        if !is_wheels || !setting.range().contains(&value) {
+            return AckResult::Refused;
+        }
+        self.settings[usize::from(setting.key()) - 1] = value;
+        AckResult::Done
+    }
+
+    /// The wheels' counts as the board tells them.
+    fn counts(&self, ticks: [i32; 2]) -> [i32; 2] {
+        let since_boot = [0, 1].map(|wheel| ticks[wheel].wrapping_sub(self.ticks_at_boot[wheel]));
+        let sign = |setting| if self.setting(setting) == 1 { -1 } else { 1 };
+        let [left, right] =
+            if self.setting(Setting::WheelsSwapped) == 1 { [since_boot[1], since_boot[0]] } else { since_boot };
+        [left.wrapping_mul(sign(Setting::LeftReversed)), right.wrapping_mul(sign(Setting::RightReversed))]
     }
 
     /// Who the board is.
@@ -119,6 +186,7 @@ impl Board {
             };
             Some(SensorEcho { sensor, echo })
         });
+        let ticks = self.counts(ticks);
         let sonar = Sonar {
             t_us: self.clock_us(trigger),
             group,
@@ -132,7 +200,7 @@ impl Board {
 
     /// The encoders now.
     pub fn encoders(&mut self, at: Timestamp, ticks: [i32; 2]) -> FrameBuf {
-        let t_us = self.clock_us(at);
+        let (t_us, ticks) = (self.clock_us(at), self.counts(ticks));
         self.frame(&Message::Encoder(Encoder { t_us, left_ticks: ticks[0], right_ticks: ticks[1], flags: 0 }))
     }
 
@@ -179,6 +247,23 @@ impl Board {
         self.frames = self.frames.wrapping_add(1);
         self.encoder.encode(message)
     }
+}
+
+/// The settings of a board with this ring.
+#[expect(clippy::cast_possible_truncation, reason = "millimetres and hundredths of degrees of a robot")]
+fn settings(ring: &Ring) -> [i32; Setting::ALL.len()] {
+    let mut values = Setting::ALL.map(Setting::default);
+    let mut set = |setting: Setting, value: i32| values[usize::from(setting.key()) - 1] = value;
+    let groups = ring.mountings.iter().map(|mounting| mounting.group).max().unwrap_or(0);
+    set(Setting::Sensors, i32::try_from(ring.len()).unwrap_or(0));
+    set(Setting::Groups, i32::from(groups) + 1);
+    set(Setting::TicksPerTurn, i32::try_from(TICKS_PER_TURN).unwrap_or(0));
+    if let Some(first) = ring.mountings.first() {
+        let pose = first.robot_from_sensor;
+        set(Setting::RingRadiusMm, (pose.x_m.hypot(pose.y_m) * 1e3).round() as i32);
+        set(Setting::HalfAngleCdeg, (first.half_angle_rad.to_degrees() * 1e2).round() as i32);
+    }
+    values
 }
 
 /// Time of flight there and back.

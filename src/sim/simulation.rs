@@ -123,6 +123,14 @@ impl Simulation {
         }
     }
 
+    /// The board's supply breaks down for a moment; the robot stops until it is asked for readings again.
+    pub fn restart_board(&mut self) {
+        let at = Timestamp::from_us(self.now_us);
+        (self.command, self.streaming_since_us, self.ready) = (Twist::default(), None, None);
+        let hello = self.board.restart(at, self.robot.ticks(0.0));
+        self.link.send(at, &hello);
+    }
+
     /// The next thing that happens by `now`; the simulation runs on as far as needed. None where nothing more does.
     pub fn poll(&mut self, now: Timestamp) -> Option<Record> {
         let end_us = now.min(self.duration).us();

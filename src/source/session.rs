@@ -6,6 +6,7 @@
 use crate::config::Config;
 use crate::event::{Event, FaultEvent, Input, Output, SensorState};
 use crate::geometry::{Pose2, Ring};
+use crate::link::Reception;
 use crate::metrics::TrueFault;
 use crate::pipeline::Pipeline;
 use crate::publish::{FinalState, Outputs, PublishError, Summary, WheelCalibration};
@@ -39,13 +40,13 @@ impl Session {
         self.outputs.true_faults(faults);
     }
 
-    /// Bytes were read.
+    /// Bytes were read; none where the port has been opened again, as a capture says it.
     ///
     /// # Errors
     /// When an output cannot be written.
     pub fn received(&mut self, at: Timestamp, bytes: &[u8]) -> Result<(), PublishError> {
         let at = self.run_until(at)?;
-        self.handle(Input::Received { at, bytes })
+        self.handle(if bytes.is_empty() { Input::Opened { at } } else { Input::Received { at, bytes } })
     }
 
     /// Bytes were written.
@@ -86,6 +87,19 @@ impl Session {
     #[must_use]
     pub fn next_deadline(&self) -> Timestamp {
         self.pipeline.next_deadline()
+    }
+
+    /// What has been received so far.
+    #[must_use]
+    pub fn reception(&self) -> Reception<'_> {
+        let counters = self.pipeline.counters();
+        Reception {
+            frames: counters.frames,
+            groups: counters.groups,
+            restarts: counters.restarts,
+            echoed: counters.echoed,
+            board: self.pipeline.board(),
+        }
     }
 
     /// Frames to be written to the board since the last call.
@@ -147,6 +161,7 @@ impl Session {
             Event::Board { description, .. } => tracing::error!("board: {description}"),
             Event::Ring { sensors, .. } => tracing::info!("ring of {sensors} sensors"),
             Event::BoardReset { .. } => tracing::warn!("the board has restarted; map and pose go on"),
+            Event::BoardTrouble { text, .. } => tracing::error!("board: {text}"),
             Event::BoardLog { text, .. } => tracing::info!("board says: {text}"),
             Event::Fault(fault) => {
                 tracing::warn!("{:.1} s: {}", fault.at.seconds(), fault.reason);

@@ -1,0 +1,204 @@
+//! The host's side of the conversation with the board: who it is, whether its settings are as wanted, and whether it is still the one
+//! it was.
+
+use crate::board::Board;
+use crate::config::Config;
+use crate::event::Event;
+use crate::geometry::Ring;
+use crate::handshake::{Handshake, Known};
+use crate::settings::Settings;
+use crate::time::Timestamp;
+use slamd_protocol::{AckResult, Geometry, Hello, Message};
+use std::time::Duration;
+
+/// Without a fired group for this long the board may have restarted unheard; one that is doubted for as long has.
+const SILENCE: Duration = Duration::from_secs(1);
+
+/// What is known of the board, and what to ask it next.
+#[derive(Clone, Debug)]
+pub struct Conversation {
+    handshake: Handshake,
+    board: Board,
+    settings: Settings,
+    /// The ring is the configuration's: the board need not tell it.
+    ring_is_configured: bool,
+    ring_is_told: bool,
+    /// The board's counts go on from where they were, or its restart has been noticed.
+    is_trusted: bool,
+    doubtful_since: Option<Timestamp>,
+    last_group_at: Option<Timestamp>,
+    trouble: String,
+}
+
+/// What a message's stamp says of the board.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Trust {
+    /// Its counts can be used.
+    Yes,
+    /// Not before it has introduced itself.
+    Wait,
+    /// They have begun anew.
+    Restarted,
+}
+
+impl Conversation {
+    /// A conversation that has not begun.
+    #[must_use]
+    pub fn new(config: &Config) -> Self {
+        Self {
+            handshake: Handshake::default(),
+            board: Board::default(),
+            settings: Settings::new(config.settings()),
+            ring_is_configured: config.ring.ring().is_some(),
+            ring_is_told: false,
+            is_trusted: false,
+            doubtful_since: None,
+            last_group_at: None,
+            trouble: String::new(),
+        }
+    }
+
+    /// The board as far as it is known.
+    #[must_use]
+    pub fn board(&self) -> &Board {
+        &self.board
+    }
+
+    /// When [`Conversation::ask`] is due.
+    #[must_use]
+    pub fn deadline(&self) -> Timestamp {
+        self.handshake.deadline()
+    }
+
+    /// The port has been opened again.
+    pub fn opened(&mut self, at: Timestamp) {
+        self.handshake.opened(at);
+        self.settings.restart();
+        (self.is_trusted, self.last_group_at) = (false, None);
+    }
+
+    /// A good frame has come.
+    pub fn heard(&mut self, at: Timestamp) {
+        self.handshake.heard(at);
+    }
+
+    /// The ring has fired.
+    pub fn fired(&mut self, at: Timestamp) {
+        self.last_group_at = Some(at);
+    }
+
+    /// The board introduces itself; true where it has restarted since it last did.
+    pub fn hello(&mut self, hello: Hello, at: Timestamp, events: &mut Vec<Event>) -> bool {
+        if hello.check_version().is_ok()
+            && let Err(text) = Board::check(&hello)
+        {
+            self.trouble(text, at, events);
+            return false;
+        }
+        let before = self.board.hello().copied();
+        let restarted = self.board.greet(hello);
+        // Other settings may mean another ring.
+        self.ring_is_told &= before.is_some_and(|before| before.config_crc == hello.config_crc);
+        let compatible = !self.board.is_refused();
+        if before.is_none() || (!compatible && !self.is_trusted) {
+            events.push(Event::Board { at, description: self.board.description(), compatible });
+        }
+        if !self.is_trusted {
+            self.is_trusted = true;
+            self.handshake.hurry(at);
+        }
+        restarted
+    }
+
+    /// Whether a message can be used whose stamp does or does not continue the board's clock. After a new connection or a silence the
+    /// counts may have begun anew; a board that neither continues nor introduces itself for a second has restarted.
+    pub fn trust(&mut self, at: Timestamp, continues: impl FnOnce() -> bool) -> Trust {
+        if self.is_trusted || continues() {
+            (self.is_trusted, self.doubtful_since) = (true, None);
+            return Trust::Yes;
+        }
+        if *self.doubtful_since.get_or_insert(at) + SILENCE >= at {
+            return Trust::Wait;
+        }
+        (self.is_trusted, self.doubtful_since) = (true, None);
+        Trust::Restarted
+    }
+
+    /// The board has restarted: all but its place on the robot is asked anew.
+    pub fn restarted(&mut self, at: Timestamp) {
+        self.handshake.clock_restarted();
+        self.handshake.hurry(at);
+        self.settings.restart();
+        self.last_group_at = None;
+    }
+
+    /// The board tells a part of its ring; the ring once all is told.
+    pub fn geometry(&mut self, geometry: &Geometry, at: Timestamp, events: &mut Vec<Event>) -> Option<Ring> {
+        match self.board.place(geometry) {
+            Ok(Some(ring)) => {
+                self.ring_is_told = true;
+                self.handshake.hurry(at);
+                Some(ring)
+            }
+            Ok(None) => None,
+            Err(text) => {
+                self.trouble(text, at, events);
+                None
+            }
+        }
+    }
+
+    /// The board tells a setting's value.
+    pub fn setting(&mut self, key: u8, value: i32, at: Timestamp) {
+        self.settings.told(key, value);
+        self.handshake.hurry(at);
+    }
+
+    /// The board tells what became of a command.
+    pub fn acknowledged(&mut self, of_type: u8, result: AckResult, at: Timestamp, events: &mut Vec<Event>) {
+        if let Some(text) = self.settings.acknowledged(of_type, result) {
+            self.trouble(text, at, events);
+        }
+        self.handshake.hurry(at);
+    }
+
+    /// A time request has been written at `at`.
+    pub fn time_request_sent(&mut self, token: u16, at: Timestamp) {
+        self.handshake.time_request_sent(token, at);
+    }
+
+    /// When the request with this token was written; none where it was not the last one.
+    pub fn time_request(&mut self, token: u16) -> Option<Timestamp> {
+        self.handshake.time_request(token)
+    }
+
+    /// What to say to the board at `at`.
+    pub fn ask(&mut self, at: Timestamp, events: &mut Vec<Event>) -> impl Iterator<Item = Message> + use<> {
+        if self.last_group_at.is_some_and(|last| last + SILENCE < at) {
+            (self.is_trusted, self.last_group_at) = (false, None);
+        }
+        let setting = self.settings.question();
+        let known = Known {
+            hello: self.is_trusted && self.board.hello().is_some(),
+            setting: setting.clone(),
+            ring: self.ring_is_told || self.ring_is_configured,
+            streaming: self.last_group_at.is_some(),
+            refused: self.is_trusted && self.board.is_refused(),
+        };
+        let messages = self.handshake.ask(at, known);
+        if setting.is_some()
+            && messages.question == setting
+            && let Some(text) = self.settings.asked()
+        {
+            self.trouble(text, at, events);
+        }
+        messages.question.into_iter().chain(messages.time)
+    }
+
+    fn trouble(&mut self, text: String, at: Timestamp, events: &mut Vec<Event>) {
+        if text != self.trouble {
+            self.trouble.clone_from(&text);
+            events.push(Event::BoardTrouble { at, text });
+        }
+    }
+}

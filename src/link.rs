@@ -1,0 +1,366 @@
+//! How the line to the board fares, in words, and what to do to heal it.
+//!
+//! ```text
+//! Searching → Listening → Handshake → Streaming ⇄ Stale (0.5 s) → Lost (2 s)
+//!     ↑____________________ the port is gone, from anywhere ____________|
+//! ```
+//!
+//! A state machine like the pipeline: what was opened, heard and closed goes in, changes of state with their cause and remedies
+//! (another baud rate, opening the port anew) come out. The daemon carries them out.
+
+use crate::board::Board;
+use crate::time::Timestamp;
+use std::collections::VecDeque;
+use std::time::Duration;
+
+/// The line's state.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LinkState {
+    /// No port is open.
+    #[default]
+    Searching,
+    /// The port is open; no frame has been heard.
+    Listening,
+    /// The board speaks; its sensors are not yet heard.
+    Handshake,
+    /// The ring is heard.
+    Streaming,
+    /// The ring has not been heard for half a second.
+    Stale,
+    /// The ring has not been heard for two seconds.
+    Lost,
+}
+
+impl LinkState {
+    /// The word used in logs.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Searching => "searching",
+            Self::Listening => "listening",
+            Self::Handshake => "handshake",
+            Self::Streaming => "streaming",
+            Self::Stale => "stale",
+            Self::Lost => "lost",
+        }
+    }
+}
+
+/// A change of state, or a new cause of the same state.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LinkChange {
+    /// When.
+    pub at: Timestamp,
+    /// The state from now on.
+    pub state: LinkState,
+    /// Why, in words, with what to do about it.
+    pub cause: String,
+}
+
+impl std::fmt::Display for LinkChange {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "link: {} ({})", self.state.word(), self.cause)
+    }
+}
+
+/// What the daemon should do to the port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Remedy {
+    /// Set this many bits per second.
+    Baud(u32),
+    /// Close the port and open it anew.
+    Reopen,
+}
+
+/// What the pipeline has received since it began.
+#[derive(Clone, Copy, Debug)]
+pub struct Reception<'a> {
+    /// Good frames.
+    pub frames: u64,
+    /// Fired groups of the ring.
+    pub groups: u64,
+    /// Restarts of the board.
+    pub restarts: u64,
+    /// The host's own messages, come back.
+    pub echoed: u64,
+    /// Who the board is.
+    pub board: &'a Board,
+}
+
+/// The rates boards and bridges usually run at, likeliest first.
+pub const USUAL_BAUDS: [u32; 8] = [115_200, 250_000, 500_000, 1_000_000, 57_600, 38_400, 19_200, 9_600];
+
+/// A board that was reset by the opening of the port gets this long to boot and speak, or to be asked and answer.
+const FIRST_WORD: Duration = Duration::from_millis(4_000);
+/// How long each further baud rate is listened to.
+const BAUD_TRIAL: Duration = Duration::from_millis(1_500);
+/// After all rates were tried in vain, they are tried again this much later.
+const BAUD_PAUSE: Duration = Duration::from_secs(30);
+/// A board that answers should be heard firing within this.
+const FIRST_ECHO: Duration = Duration::from_secs(5);
+const STALE: Duration = Duration::from_millis(500);
+const LOST: Duration = Duration::from_secs(2);
+/// A line that has been dead silent for this long is opened anew.
+const REOPEN: Duration = Duration::from_secs(10);
+/// So many restarts of the board within this time are told.
+const RESTARTS: usize = 3;
+const RESTARTS_WITHIN_S: f64 = 30.0;
+/// Bytes kept to tell text from noise, and how many it takes.
+const SAMPLE: usize = 96;
+const LEAST_TEXT: usize = 24;
+
+/// The line to the board.
+#[derive(Clone, Debug)]
+pub struct Link {
+    state: LinkState,
+    cause: String,
+    port: String,
+    wanted_baud: u32,
+    baud: u32,
+    /// The next of the usual rates to try.
+    trial: usize,
+    /// When something was last to be waited for: the opening, a new rate, the first frame, the last echo.
+    since: Timestamp,
+    /// Bytes, frames and fired groups at that time.
+    bytes: u64,
+    frames: u64,
+    groups: u64,
+    heard_at: Timestamp,
+    sample: VecDeque<u8>,
+    restarts: u64,
+    restarted: VecDeque<Timestamp>,
+    changes: VecDeque<LinkChange>,
+    remedy: Option<Remedy>,
+}
+
+impl Link {
+    /// A line whose port is not open, meant to run at `baud`.
+    #[must_use]
+    pub fn new(baud: u32) -> Self {
+        Self {
+            state: LinkState::Searching,
+            cause: String::new(),
+            port: String::new(),
+            wanted_baud: baud,
+            baud,
+            trial: 0,
+            since: Timestamp::default(),
+            bytes: 0,
+            frames: 0,
+            groups: 0,
+            heard_at: Timestamp::default(),
+            sample: VecDeque::with_capacity(SAMPLE),
+            restarts: 0,
+            restarted: VecDeque::with_capacity(RESTARTS),
+            changes: VecDeque::new(),
+            remedy: None,
+        }
+    }
+
+    /// The state now.
+    #[must_use]
+    pub fn state(&self) -> LinkState {
+        self.state
+    }
+
+    /// Bits per second now: the port is to be opened with these.
+    #[must_use]
+    pub fn baud(&self) -> u32 {
+        self.baud
+    }
+
+    /// The port could not be opened, or is gone.
+    pub fn closed(&mut self, at: Timestamp, cause: impl Into<String>) {
+        self.remedy = None;
+        self.change(at, LinkState::Searching, cause.into());
+    }
+
+    /// The port named `port` is open.
+    pub fn opened(&mut self, at: Timestamp, port: impl Into<String>, reception: &Reception<'_>) {
+        self.port = port.into();
+        self.trial = 0;
+        self.listen(at, reception);
+        self.change(at, LinkState::Listening, format!("{} is open at {} baud", self.port, self.baud));
+    }
+
+    /// `bytes` have been read and handed to the pipeline, which has now received `reception`.
+    pub fn heard(&mut self, at: Timestamp, bytes: &[u8], reception: &Reception<'_>) {
+        self.heard_at = at;
+        self.bytes += bytes.len() as u64;
+        self.sample.extend(bytes.iter().skip(bytes.len().saturating_sub(SAMPLE)));
+        self.sample.drain(..self.sample.len().saturating_sub(SAMPLE));
+        self.count_restarts(at, reception);
+        if reception.groups > self.groups {
+            (self.groups, self.since) = (reception.groups, at);
+            self.change(at, LinkState::Streaming, format!("{} at {} baud", self.port, self.baud));
+        } else if self.state == LinkState::Listening && reception.frames > self.frames {
+            self.greet(at, reception);
+        } else if self.state == LinkState::Handshake
+            && let Some(refusal) = reception.board.refusal()
+        {
+            self.change(at, LinkState::Handshake, refusal);
+        }
+    }
+
+    /// Time has passed; due at [`Link::deadline`].
+    pub fn tick(&mut self, at: Timestamp, reception: &Reception<'_>) {
+        if self.deadline().is_none_or(|deadline| at < deadline) {
+            return;
+        }
+        match self.state {
+            LinkState::Searching => {}
+            LinkState::Listening => self.try_on(at, reception),
+            LinkState::Handshake => {
+                let words = "the board answers but fires no sensor; `slamd doctor` looks closer";
+                self.since = at;
+                if !reception.board.is_refused() {
+                    self.change(at, LinkState::Handshake, words.into());
+                }
+            }
+            LinkState::Streaming => {
+                self.change(at, LinkState::Stale, format!("no echoes for 0.5 s; {}", self.rest(at)))
+            }
+            LinkState::Stale => self.change(at, LinkState::Lost, format!("no echoes for 2 s; {}", self.rest(at))),
+            LinkState::Lost => {
+                if self.heard_at + LOST > at {
+                    self.since = at;
+                } else {
+                    self.remedy = Some(Remedy::Reopen);
+                    self.since = at;
+                }
+            }
+        }
+    }
+
+    /// When [`Link::tick`] is due, if at all.
+    #[must_use]
+    pub fn deadline(&self) -> Option<Timestamp> {
+        let wait = match self.state {
+            LinkState::Searching => return None,
+            LinkState::Listening if self.trial == 0 => FIRST_WORD,
+            LinkState::Listening if self.trial <= USUAL_BAUDS.len() => BAUD_TRIAL,
+            LinkState::Listening => BAUD_PAUSE,
+            LinkState::Handshake => FIRST_ECHO,
+            LinkState::Streaming => STALE,
+            LinkState::Stale => LOST,
+            LinkState::Lost => REOPEN,
+        };
+        Some(self.since + wait)
+    }
+
+    /// The next change to be told.
+    pub fn poll_change(&mut self) -> Option<LinkChange> {
+        self.changes.pop_front()
+    }
+
+    /// What to do to the port now.
+    pub fn take_remedy(&mut self) -> Option<Remedy> {
+        self.remedy.take()
+    }
+
+    fn change(&mut self, at: Timestamp, state: LinkState, cause: String) {
+        if state != self.state || cause != self.cause {
+            (self.state, self.cause) = (state, cause.clone());
+            self.changes.push_back(LinkChange { at, state, cause });
+        }
+    }
+
+    /// From now on what comes is counted anew.
+    fn listen(&mut self, at: Timestamp, reception: &Reception<'_>) {
+        (self.since, self.heard_at) = (at, at);
+        (self.bytes, self.frames, self.groups) = (0, reception.frames, reception.groups);
+        self.sample.clear();
+    }
+
+    /// The first good frame.
+    fn greet(&mut self, at: Timestamp, reception: &Reception<'_>) {
+        self.since = at;
+        let cause = if reception.echoed == reception.frames {
+            "the line echoes what slamd sends: the board's receive and transmit wires touch".into()
+        } else if let Some(refusal) = reception.board.refusal() {
+            refusal
+        } else if self.baud == self.wanted_baud {
+            format!("the board speaks at {} baud", self.baud)
+        } else {
+            let (found, wanted) = (self.baud, self.wanted_baud);
+            format!("the board speaks at {found} baud, not at {wanted}: start slamd with --baud {found}")
+        };
+        self.change(at, LinkState::Handshake, cause);
+    }
+
+    /// Nothing good came at this rate: says what did, and tries the next.
+    fn try_on(&mut self, at: Timestamp, reception: &Reception<'_>) {
+        if let Some(text) = self.text() {
+            let words = "no slamd frames: flash protocol/firmware, or name the board's port";
+            self.change(at, LinkState::Listening, format!("wrong firmware: the board prints \"{text}\" and {words}"));
+            return self.listen(at, reception);
+        }
+        let noise = self.bytes > 0;
+        if self.trial == 0 {
+            let what = if noise { "noise: bytes arrive but no valid frame" } else { "silence: nothing arrives" };
+            let cause = format!("{what} at {} baud; trying other rates", self.baud);
+            self.change(at, LinkState::Listening, cause);
+        }
+        let next = USUAL_BAUDS.iter().skip(self.trial).position(|&baud| baud != self.wanted_baud);
+        let baud = next.and_then(|next| USUAL_BAUDS.get(self.trial + next).copied());
+        match (next, baud) {
+            (Some(next), Some(baud)) => {
+                self.trial += next + 1;
+                self.baud = baud;
+            }
+            _ if self.trial > USUAL_BAUDS.len() => {
+                self.trial = 0;
+                return self.try_on(at, reception);
+            }
+            _ => {
+                (self.trial, self.baud) = (USUAL_BAUDS.len() + 1, self.wanted_baud);
+                let advice = if self.cause.starts_with("noise") {
+                    "noise: bytes arrive but no valid frame at any usual rate: is another firmware on the board, or its ground wire loose?"
+                } else {
+                    "silence: the board says nothing at any usual rate: is it powered, flashed with protocol/firmware, and is this its port (`slamd ports`)?"
+                };
+                self.change(at, LinkState::Listening, advice.into());
+            }
+        }
+        self.remedy = Some(Remedy::Baud(self.baud));
+        self.listen(at, reception);
+    }
+
+    /// The beginning of the text that the board prints, if it prints text.
+    fn text(&self) -> Option<String> {
+        let is_text = |byte: &u8| (b' '..=b'~').contains(byte) || matches!(byte, b'\r' | b'\n' | b'\t');
+        let printed = self.sample.iter().filter(|byte| is_text(byte)).count();
+        if self.sample.len() < LEAST_TEXT || printed * 20 < self.sample.len() * 19 {
+            return None;
+        }
+        let text: String = self.sample.iter().copied().filter(is_text).map(char::from).collect();
+        let line = text.lines().map(str::trim).max_by_key(|line| line.len()).unwrap_or_default();
+        Some(line.chars().take(40).collect())
+    }
+
+    /// What still arrives while the ring is not heard.
+    fn rest(&self, at: Timestamp) -> &'static str {
+        if self.heard_at + Duration::from_millis(300) > at {
+            "bytes still arrive: noise on the line, or the board has ceased to fire"
+        } else {
+            "silence: check the cable and the board's supply"
+        }
+    }
+
+    fn count_restarts(&mut self, at: Timestamp, reception: &Reception<'_>) {
+        if reception.restarts == self.restarts {
+            return;
+        }
+        self.restarts = reception.restarts;
+        self.restarted.push_back(at);
+        self.restarted.drain(..self.restarted.len().saturating_sub(RESTARTS));
+        let is_often = self.restarted.len() == RESTARTS
+            && self.restarted.front().is_some_and(|first| at.seconds_since(*first) < RESTARTS_WITHIN_S);
+        if is_often {
+            let cause =
+                "the board restarts again and again: its supply breaks down; feed sensors and motors from their own";
+            self.restarted.clear();
+            self.change(at, self.state, cause.into());
+        }
+    }
+}
