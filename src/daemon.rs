@@ -1,24 +1,28 @@
-//! The only select loop: the serial port, the pipeline's deadline, the end.
+//! The only select loop: the serial port, the deadlines, the end.
 
+use crate::link::{Link, LinkState, Remedy};
+use crate::port::{self, PortName, Trouble};
 use crate::publish::PublishError;
 use crate::recorder::Recorder;
 use crate::source::session::Session;
 use crate::time::Timestamp;
-use bytes::{Bytes, BytesMut};
-use std::path::Path;
+use bytes::{Buf, Bytes};
+use std::collections::VecDeque;
+use std::hash::{BuildHasher, Hasher, RandomState};
+use std::pin::Pin;
+use std::task::{Context, Poll, ready};
 use std::time::{Duration, Instant};
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
-use tokio_serial::{SerialPortBuilderExt, SerialStream};
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::signal::unix::{Signal, SignalKind, signal};
+use tokio_serial::{SerialPort, SerialStream};
 
 /// How a live session is run.
 #[derive(Clone, Copy, Debug)]
 pub struct Options<'a> {
-    /// The serial port's device.
-    pub port: &'a Path,
+    /// The serial port.
+    pub port: &'a PortName,
     /// Bits per second.
     pub baud: u32,
-    /// Ends the session after this long.
-    pub duration: Option<Duration>,
     /// Ends the session when the port hangs up, instead of waiting for its return.
     pub exit_on_hangup: bool,
 }
@@ -34,139 +38,223 @@ pub enum DaemonError {
     Signal(std::io::Error),
 }
 
-const FIRST_RETRY: Duration = Duration::from_millis(500);
-const LAST_RETRY: Duration = Duration::from_secs(5);
+/// What ends a session: Ctrl-C, SIGTERM, or its time is over.
+#[derive(Debug)]
+pub struct Shutdown {
+    interrupt: Signal,
+    terminate: Signal,
+    end: Option<tokio::time::Instant>,
+}
+
+impl Shutdown {
+    /// Listens for signals, and ends after `duration` where that is given.
+    ///
+    /// # Errors
+    /// When signals cannot be heard.
+    #[expect(clippy::disallowed_methods, reason = "here time becomes an input")]
+    pub fn new(duration: Option<Duration>) -> Result<Self, DaemonError> {
+        Ok(Self {
+            interrupt: signal(SignalKind::interrupt()).map_err(DaemonError::Signal)?,
+            terminate: signal(SignalKind::terminate()).map_err(DaemonError::Signal)?,
+            end: duration.map(|duration| tokio::time::Instant::now() + duration),
+        })
+    }
+
+    /// Returns when the session shall end.
+    pub async fn requested(&mut self) {
+        let end = self.end;
+        let is_over = async {
+            match end {
+                Some(end) => tokio::time::sleep_until(end).await,
+                None => std::future::pending().await,
+            }
+        };
+        tokio::select! {
+            _ = self.interrupt.recv() => {}
+            _ = self.terminate.recv() => {}
+            () = is_over => {}
+        }
+    }
+}
+
+/// A missing port is looked for this often: its return should not be waited for.
+const LOOK: Duration = Duration::from_millis(100);
+/// A port that is there but cannot be opened is tried again after this long, then twice as long, up to the last.
+const FIRST_RETRY: Duration = Duration::from_millis(250);
+const LAST_RETRY: Duration = Duration::from_secs(2);
+
+/// An open port.
+pub struct OpenPort {
+    name: String,
+    stream: SerialStream,
+    /// Frames to be written; of the first, what is left.
+    outgoing: VecDeque<Bytes>,
+}
+
+/// Frames that wait for a port that takes none; what is older has become useless.
+const MOST_OUTGOING: usize = 16;
 const CHUNK: usize = 4096;
+
+/// What went over the line.
+enum Traffic {
+    Read(Bytes),
+    Wrote(Bytes),
+}
+
+impl OpenPort {
+    fn queue(&mut self, frames: impl IntoIterator<Item = Bytes>) {
+        let room = MOST_OUTGOING.saturating_sub(self.outgoing.len());
+        self.outgoing.extend(frames.into_iter().take(room));
+    }
+
+    async fn traffic(&mut self) -> std::io::Result<Traffic> {
+        std::future::poll_fn(|context| self.poll_traffic(context)).await
+    }
+
+    fn poll_traffic(&mut self, context: &mut Context<'_>) -> Poll<std::io::Result<Traffic>> {
+        if let Some(first) = self.outgoing.front_mut()
+            && let Poll::Ready(written) = Pin::new(&mut self.stream).poll_write(context, first)
+        {
+            let written = first.split_to(written?.min(first.len()));
+            if !first.has_remaining() {
+                self.outgoing.pop_front();
+            }
+            return Poll::Ready(Ok(Traffic::Wrote(written)));
+        }
+        let mut chunk = [0; CHUNK];
+        let mut read = ReadBuf::new(&mut chunk);
+        ready!(Pin::new(&mut self.stream).poll_read(context, &mut read))?;
+        Poll::Ready(match read.filled() {
+            // A hang-up: it would be read for ever.
+            [] => Err(std::io::Error::other("it hung up")),
+            bytes => Ok(Traffic::Read(Bytes::copy_from_slice(bytes))),
+        })
+    }
+}
+
+/// Opens the port, and tries for as long as it takes. None where the end was requested first.
+///
+/// # Errors
+/// Why the port cannot be opened, where nobody shall wait for it.
+pub async fn search(
+    options: Options<'_>,
+    link: &mut Link,
+    shutdown: &mut Shutdown,
+) -> Result<Option<OpenPort>, Trouble> {
+    let mut retry = FIRST_RETRY;
+    loop {
+        let opened = options.port.resolve().and_then(|path| {
+            let stream = port::open(&path, link.baud())?;
+            Ok(OpenPort { name: path.display().to_string(), stream, outgoing: VecDeque::new() })
+        });
+        let trouble = match opened {
+            Ok(opened) => return Ok(Some(opened)),
+            Err(trouble) if options.exit_on_hangup => return Err(trouble),
+            Err(trouble) => trouble,
+        };
+        link.closed(Timestamp::default(), trouble.to_string());
+        tell(link);
+        let wait = if trouble.is_missing() { LOOK } else { retry };
+        retry = if trouble.is_missing() { FIRST_RETRY } else { (retry * 2).min(LAST_RETRY) };
+        tokio::select! {
+            () = tokio::time::sleep(jittered(wait)) => {}
+            () = shutdown.requested() => return Ok(None),
+        }
+    }
+}
 
 /// What woke the loop.
 enum Wake {
-    Read(std::io::Result<usize>),
+    Traffic(std::io::Result<Traffic>),
     Deadline,
     End,
 }
 
-/// Runs until a signal, the end of the duration, or a hang-up where that is the end.
+/// Runs until the end is requested, or a hang-up where that is the end.
 ///
 /// # Errors
 /// When an output cannot be written.
 #[expect(clippy::disallowed_methods, reason = "here time becomes an input")]
 pub async fn run(
     options: Options<'_>,
-    port: SerialStream,
+    mut port: OpenPort,
+    link: &mut Link,
+    shutdown: &mut Shutdown,
     session: &mut Session,
     recorder: &mut Option<Recorder>,
 ) -> Result<(), DaemonError> {
     let begin = Instant::now();
     let now = || Timestamp::default() + begin.elapsed();
-    let mut interrupt =
-        tokio::signal::unix::signal(tokio::signal::unix::SignalKind::interrupt()).map_err(DaemonError::Signal)?;
-    let mut terminate =
-        tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate()).map_err(DaemonError::Signal)?;
-    let end = options.duration.map(|duration| tokio::time::Instant::from_std(begin + duration));
-    let mut port = Some(port);
-    let mut retry = FIRST_RETRY;
-    let mut reopen_at = begin;
-    let mut buffer = BytesMut::with_capacity(CHUNK);
+    link.opened(now(), &port.name, &session.reception());
     loop {
-        if port.is_none() && Instant::now() >= reopen_at {
-            match open(options) {
-                Ok(opened) => {
-                    tracing::info!("{} is back", options.port.display());
-                    (port, retry) = (Some(opened), FIRST_RETRY);
-                }
-                Err(_) => {
-                    retry = (retry * 2).min(LAST_RETRY);
-                    reopen_at = Instant::now() + retry;
-                }
-            }
-        }
-        let deadline = begin + Duration::from_micros(session.next_deadline().us());
-        let deadline = if port.is_none() { deadline.min(reopen_at) } else { deadline };
-        buffer.reserve(CHUNK);
+        tell(link);
+        let deadline =
+            link.deadline().map_or(session.next_deadline(), |deadline| deadline.min(session.next_deadline()));
+        let deadline = begin + Duration::from_micros(deadline.us());
         let wake = tokio::select! {
-            read = read(&mut port, &mut buffer) => Wake::Read(read),
+            traffic = port.traffic() => Wake::Traffic(traffic),
             () = tokio::time::sleep_until(deadline.into()) => Wake::Deadline,
-            _ = interrupt.recv() => Wake::End,
-            _ = terminate.recv() => Wake::End,
-            () = sleep_until(end) => Wake::End,
+            () = shutdown.requested() => Wake::End,
         };
+        let at = session.run_until(now())?;
+        let (mut gone, mut hung_up) = (None, false);
         match wake {
-            Wake::Read(Ok(count)) if count > 0 => {
-                let at = session.run_until(now())?;
-                let bytes = buffer.split().freeze();
+            Wake::Traffic(Ok(Traffic::Read(bytes))) => {
                 session.received(at, &bytes)?;
+                link.heard(at, &bytes, &session.reception());
                 if let Some(recorder) = recorder {
                     recorder.received(at, bytes);
                 }
             }
-            Wake::Read(gone) => {
-                let why = gone.err().map_or_else(|| "it hung up".to_owned(), |error| error.to_string());
-                tracing::warn!("{} is gone: {why}", options.port.display());
-                if options.exit_on_hangup {
-                    return Ok(());
+            Wake::Traffic(Ok(Traffic::Wrote(bytes))) => {
+                session.sent(at, &bytes)?;
+                if let Some(recorder) = recorder {
+                    recorder.sent(at, bytes);
                 }
-                port = None;
-                reopen_at = Instant::now() + retry;
             }
-            Wake::Deadline => {
-                session.run_until(now())?;
-            }
+            Wake::Traffic(Err(error)) => (gone, hung_up) = (Some(format!("{} is gone: {error}", port.name)), true),
+            Wake::Deadline => link.tick(at, &session.reception()),
             Wake::End => return Ok(()),
         }
-        for frame in session.take_transmit() {
-            send(&mut port, frame, session, recorder, now).await?;
+        match link.take_remedy() {
+            Some(Remedy::Baud(baud)) => gone = port.stream.set_baud_rate(baud).err().map(|error| error.to_string()),
+            Some(Remedy::Reopen) => gone = Some("silent for 10 s: the port is closed and opened anew".into()),
+            None => {}
         }
-    }
-}
-
-/// Writes a frame; a failure shows at the next read.
-async fn send(
-    port: &mut Option<SerialStream>,
-    frame: Bytes,
-    session: &mut Session,
-    recorder: &mut Option<Recorder>,
-    now: impl Fn() -> Timestamp,
-) -> Result<(), PublishError> {
-    let Some(stream) = port else { return Ok(()) };
-    if stream.write_all(&frame).await.is_ok() {
-        let at = session.run_until(now())?;
-        session.sent(at, &frame)?;
-        if let Some(recorder) = recorder {
-            recorder.sent(at, frame);
-        }
-    }
-    Ok(())
-}
-
-async fn read(port: &mut Option<SerialStream>, buffer: &mut BytesMut) -> std::io::Result<usize> {
-    match port {
-        Some(stream) => stream.read_buf(buffer).await,
-        None => std::future::pending().await,
-    }
-}
-
-async fn sleep_until(end: Option<tokio::time::Instant>) {
-    match end {
-        Some(end) => tokio::time::sleep_until(end).await,
-        None => std::future::pending().await,
-    }
-}
-
-/// Opens the port. Call it within a runtime.
-///
-/// # Errors
-/// Why not and what to do, in words.
-pub fn open(options: Options<'_>) -> Result<SerialStream, String> {
-    let name = options.port.to_string_lossy();
-    let opened = tokio_serial::new(name.as_ref(), options.baud).open_native_async();
-    opened.map_err(|error| {
-        let advice = match std::fs::File::open(options.port) {
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => "plug the board in, or name another port",
-            Err(error) if error.kind() == std::io::ErrorKind::PermissionDenied => {
-                "add yourself to the device's group (`ls -l` shows it, usually dialout) and log in again"
+        port.queue(session.take_transmit());
+        if let Some(cause) = gone {
+            link.closed(at, cause);
+            tell(link);
+            if hung_up && options.exit_on_hangup {
+                return Ok(());
             }
-            _ => "another program may hold it: close serial monitors",
-        };
-        format!("{name}: {error}; {advice}")
-    })
+            // Closed at once: else the device is renamed when it returns.
+            drop(port);
+            let Ok(Some(found)) = search(options, link, shutdown).await else { return Ok(()) };
+            port = found;
+            let at = session.run_until(now())?;
+            session.take_transmit();
+            session.received(at, &[])?;
+            if let Some(recorder) = recorder {
+                recorder.received(at, Bytes::new());
+            }
+            link.opened(at, &port.name, &session.reception());
+        }
+    }
+}
+
+/// One log line per change.
+fn tell(link: &mut Link) {
+    while let Some(change) = link.poll_change() {
+        match change.state {
+            LinkState::Searching | LinkState::Stale | LinkState::Lost => tracing::warn!("{change}"),
+            _ => tracing::info!("{change}"),
+        }
+    }
+}
+
+/// Within a quarter of `wait`: programs that lost the same hub do not return in step.
+fn jittered(wait: Duration) -> Duration {
+    let random = RandomState::new().build_hasher().finish() % 1_000;
+    wait.mul_f64(0.75 + 0.5e-3 * random as f64)
 }

@@ -41,4 +41,6 @@ pub mod cli;
 #[cfg(feature = "daemon")]
 pub mod daemon;
 #[cfg(feature = "daemon")]
+pub mod port;
+#[cfg(feature = "daemon")]
 pub mod recorder;

@@ -292,7 +292,10 @@ impl Link {
     fn try_on(&mut self, at: Timestamp, reception: &Reception<'_>) {
         if let Some(text) = self.text() {
             let words = "no slamd frames: flash protocol/firmware, or name the board's port";
-            self.change(at, LinkState::Listening, format!("wrong firmware: the board prints \"{text}\" and {words}"));
+            if !self.cause.starts_with("wrong firmware") {
+                let cause = format!("wrong firmware: the board prints \"{text}\" and {words}");
+                self.change(at, LinkState::Listening, cause);
+            }
             return self.listen(at, reception);
         }
         let noise = self.bytes > 0;

@@ -1,6 +1,7 @@
 //! Why a command failed, and the exit code that says so (sysexits.h).
 
 use crate::capture::CaptureError;
+use crate::daemon::DaemonError;
 use crate::publish::PublishError;
 use crate::source::replay::ReplayError;
 
@@ -59,6 +60,15 @@ impl From<CaptureError> for Failure {
             }
             CaptureError::Io { .. } => Self::new(Kind::Io, error.to_string()),
             _ => Self::new(Kind::Data, format!("{error}; it is no capture that slamd can read")),
+        }
+    }
+}
+
+impl From<DaemonError> for Failure {
+    fn from(error: DaemonError) -> Self {
+        match error {
+            DaemonError::Publish(error) => error.into(),
+            other => Self::new(Kind::Unavailable, other.to_string()),
         }
     }
 }

@@ -3,7 +3,9 @@
 use super::{Failure, Kind, OutputArgs, terminal};
 use crate::capture::CaptureInfo;
 use crate::config::Config;
-use crate::daemon::{self, DaemonError, Options};
+use crate::daemon::{self, Options, Shutdown};
+use crate::link::Link;
+use crate::port::PortName;
 use crate::recorder::Recorder;
 use crate::source::session::Session;
 use clap::Args;
@@ -12,9 +14,9 @@ use std::time::Duration;
 
 #[derive(Debug, Args)]
 pub(super) struct RunArgs {
-    /// The board's serial port.
-    #[arg(long, value_name = "DEV")]
-    port: PathBuf,
+    /// The board's serial port: a device, usb:VID:PID[:SERIAL], or auto for the only board there is; `slamd ports` lists them.
+    #[arg(long, value_name = "PORT")]
+    port: PortName,
     /// Bits per second.
     #[arg(long, default_value_t = 115_200)]
     baud: u32,
@@ -34,23 +36,24 @@ pub(super) struct RunArgs {
 impl RunArgs {
     pub(super) fn run(self) -> Result<(), Failure> {
         let config = self.output.configuration(Config::default())?;
-        let options = Options {
-            port: &self.port,
-            baud: self.baud,
-            duration: self.duration.map(Duration::from_secs_f64),
-            exit_on_hangup: self.exit_on_hangup,
-        };
+        let options = Options { port: &self.port, baud: self.baud, exit_on_hangup: self.exit_on_hangup };
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
         let runtime = runtime.map_err(|error| Failure::new(Kind::Unavailable, format!("tokio: {error}")))?;
+        let _guard = runtime.enter();
+        let mut shutdown = Shutdown::new(self.duration.map(Duration::from_secs_f64))?;
+        let mut link = Link::new(self.baud);
         // Nothing is created, and no older recording overwritten, before the board's port is open.
-        let port = runtime.block_on(async { daemon::open(options) });
-        let port = port.map_err(|text| Failure::new(Kind::Unavailable, text))?;
+        let port = runtime.block_on(daemon::search(options, &mut link, &mut shutdown));
+        let Some(port) = port.map_err(|trouble| Failure::new(Kind::Unavailable, trouble.to_string()))? else {
+            return Ok(());
+        };
         let mut recorder = match &self.record {
             Some(path) => Some(Recorder::begin(path, &info(&config)).map_err(Failure::creating)?),
             None => None,
         };
         let mut session = Session::new(config, &self.output.out)?;
-        let result = runtime.block_on(daemon::run(options, port, &mut session, &mut recorder));
+        let run = daemon::run(options, port, &mut link, &mut shutdown, &mut session, &mut recorder);
+        let result = runtime.block_on(run);
         // Whatever went wrong, the map is kept.
         let (summary, faulty) = session.finish()?;
         terminal::report(&summary, &faulty, &self.output.out, self.output.json);
@@ -60,10 +63,7 @@ impl RunArgs {
                 tracing::error!("{dropped} chunks are missing from the recording");
             }
         }
-        result.map_err(|error| match error {
-            DaemonError::Publish(error) => error.into(),
-            other => Failure::new(Kind::Unavailable, other.to_string()),
-        })
+        Ok(result?)
     }
 }
 
