@@ -51,7 +51,6 @@ impl Shutdown {
     ///
     /// # Errors
     /// When signals cannot be heard.
-    #[expect(clippy::disallowed_methods, reason = "here time becomes an input")]
     pub fn new(duration: Option<Duration>) -> Result<Self, DaemonError> {
         Ok(Self {
             interrupt: signal(SignalKind::interrupt()).map_err(DaemonError::Signal)?,
@@ -188,8 +187,7 @@ pub async fn run(
     link.opened(now(), &port.name, &session.reception());
     loop {
         tell(link);
-        let deadline =
-            link.deadline().map_or(session.next_deadline(), |deadline| deadline.min(session.next_deadline()));
+        let deadline = link.deadline().into_iter().fold(session.next_deadline(), Ord::min);
         let deadline = begin + Duration::from_micros(deadline.us());
         let wake = tokio::select! {
             traffic = port.traffic() => Wake::Traffic(traffic),

@@ -57,6 +57,7 @@ impl Rig {
         }
     }
 
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some seconds")]
     fn run_s(&mut self, seconds: f64) {
         let end_us = self.now_us + (seconds * 1e6) as u64;
         while self.now_us < end_us {

@@ -1,32 +1,113 @@
-//! temporary
+//! The board's settings: keys of CONFIG_SET and CONFIG_GET.
+
 use core::ops::RangeInclusive;
-macro_rules! settings { ($($item:ident = $key:literal, $name:literal, $range:expr, $default:literal, $stop:literal;)*) => {
-/// A setting.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[repr(u8)]
-pub enum Setting { $(#[doc = $name] $item = $key,)* }
-impl Setting {
-    /// All.
-    pub const ALL: [Self; 12] = [$(Self::$item,)*];
-    /// Key.
-    #[must_use] pub const fn key(self) -> u8 { self as u8 }
-    /// Name.
-    #[must_use] pub const fn name(self) -> &'static str { match self { $(Self::$item => $name,)* } }
-    /// Range.
-    #[must_use] pub const fn range(self) -> RangeInclusive<i32> { match self { $(Self::$item => $range,)* } }
-    /// Default.
-    #[must_use] pub const fn default(self) -> i32 { match self { $(Self::$item => $default,)* } }
-    /// Stop.
-    #[must_use] pub const fn needs_stop(self) -> bool { match self { $(Self::$item => $stop,)* } }
-    /// From key.
-    #[must_use] pub fn from_key(key: u8) -> Option<Self> { Self::ALL.into_iter().find(|s| s.key() == key) }
-    /// From name.
-    #[must_use] pub fn from_name(name: &str) -> Option<Self> { Self::ALL.into_iter().find(|s| s.name() == name) }
-}}}
+
+macro_rules! settings {
+    ($($(#[$doc:meta])* $item:ident = $key:literal, $name:literal, $range:expr, $default:literal;)*) => {
+        /// A setting that the board keeps while it is switched off.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        #[repr(u8)]
+        pub enum Setting {
+            $($(#[$doc])* $item = $key,)*
+        }
+
+        impl Setting {
+            /// All settings in the order of their keys, which are 1, 2, 3 and so on.
+            pub const ALL: [Self; [$($key),*].len()] = [$(Self::$item),*];
+
+            /// Its name in the specification and in the robot's configuration.
+            #[must_use]
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$item => $name,)*
+                }
+            }
+
+            /// The values it may have.
+            #[must_use]
+            pub const fn range(self) -> RangeInclusive<i32> {
+                match self {
+                    $(Self::$item => $range,)*
+                }
+            }
+
+            /// Its value on a board that nobody has told another.
+            #[must_use]
+            pub const fn default(self) -> i32 {
+                match self {
+                    $(Self::$item => $default,)*
+                }
+            }
+        }
+    };
+}
+
 settings! {
- Sensors=1,"sensors",1..=32,32,true; Groups=2,"groups",1..=8,4,true; SlotUs=3,"slot_us",10_000..=60_000,25_000,true;
- EncoderPeriodMs=4,"encoder_period_ms",5..=1000,20,false; TicksPerTurn=5,"ticks_per_turn",1..=10_000_000,1440,false;
- LeftReversed=6,"left_reversed",0..=1,0,false; RightReversed=7,"right_reversed",0..=1,0,false; WheelsSwapped=8,"wheels_swapped",0..=1,0,false;
- RingRadiusMm=9,"ring_radius_mm",0..=2000,150,false; HalfAngleCdeg=10,"half_angle_cdeg",0..=6000,1250,false; Clockwise=11,"clockwise",0..=1,0,false;
- MaxRangeMm=12,"max_range_mm",100..=6000,3000,true;
+    /// Sensors of the ring.
+    Sensors = 1, "sensors", 1..=32, 32;
+    /// Firing groups; sensor i belongs to group i mod groups.
+    Groups = 2, "groups", 1..=8, 4;
+    /// Microseconds from one group's trigger to the next.
+    SlotUs = 3, "slot_us", 10_000..=60_000, 25_000;
+    /// Milliseconds between two ENCODER messages.
+    EncoderPeriodMs = 4, "encoder_period_ms", 5..=1_000, 20;
+    /// Encoder ticks per turn of a wheel: all edges of both channels.
+    TicksPerTurn = 5, "ticks_per_turn", 1..=10_000_000, 1_440;
+    /// 1 where the left encoder counts backwards.
+    LeftReversed = 6, "left_reversed", 0..=1, 0;
+    /// 1 where the right encoder counts backwards.
+    RightReversed = 7, "right_reversed", 0..=1, 0;
+    /// 1 where the encoders are on each other's pins.
+    WheelsSwapped = 8, "wheels_swapped", 0..=1, 0;
+    /// Radius of the circle on which the sensors sit, millimetres.
+    RingRadiusMm = 9, "ring_radius_mm", 0..=2_000, 150;
+    /// Half the beam's opening angle, hundredths of degrees.
+    HalfAngleCdeg = 10, "half_angle_cdeg", 0..=6_000, 1_250;
+    /// 1 where the sensors are numbered clockwise.
+    Clockwise = 11, "clockwise", 0..=1, 0;
+    /// What is farther is no echo, millimetres.
+    MaxRangeMm = 12, "max_range_mm", 100..=6_000, 3_000;
+}
+
+impl Setting {
+    /// Its key on the wire.
+    #[must_use]
+    pub const fn key(self) -> u8 {
+        self as u8
+    }
+
+    /// The setting with this key, if this version knows it.
+    #[must_use]
+    pub fn from_key(key: u8) -> Option<Self> {
+        Self::ALL.into_iter().find(|setting| setting.key() == key)
+    }
+
+    /// The setting with this name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|setting| setting.name() == name)
+    }
+
+    /// True where it changes what the ring fires: the board takes it only while it does not.
+    #[must_use]
+    pub const fn needs_stop(self) -> bool {
+        matches!(self, Self::Sensors | Self::Groups | Self::SlotUs | Self::MaxRangeMm)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_count_up_and_names_and_defaults_fit() {
+        for (key, setting) in (1u8..).zip(Setting::ALL) {
+            assert_eq!(setting.key(), key);
+            assert_eq!(Setting::from_key(key), Some(setting));
+            assert_eq!(Setting::from_name(setting.name()), Some(setting));
+            assert!(setting.range().contains(&setting.default()), "{}", setting.name());
+        }
+        assert_eq!(Setting::from_key(0), None);
+        assert_eq!(Setting::from_name("baud"), None);
+    }
 }

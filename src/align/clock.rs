@@ -216,6 +216,7 @@ mod tests {
 
     /// A session with a board whose clock is off by `drift`, wraps after ten minutes and restarts after half of `length_s`, behind a
     /// bridge that delays what comes from the board by up to `jitter_us`: the 99th percentile of the error of a ping's host time, ms.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the low 32 bits of a positive time")]
     fn p99_error_ms(drift: f64, jitter_us: u64, length_s: u64) -> f64 {
         let mut map = ClockMap::default();
         let mut widener = Widener::default();

@@ -112,7 +112,7 @@ impl SimulateArgs {
         }
         bar.finish_and_clear();
         capture.finish()?;
-        println!("{}", path.display());
+        terminal::say(path.display());
         Ok(())
     }
 }

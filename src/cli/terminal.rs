@@ -3,6 +3,7 @@
 use crate::event::FaultEvent;
 use crate::publish::Summary;
 use indicatif::{ProgressBar, ProgressStyle};
+use std::io::Write as _;
 use std::path::Path;
 
 /// A bar over the session's seconds, on a terminal only.
@@ -24,26 +25,31 @@ pub(super) fn show(bar: &ProgressBar, seconds: f64) {
     }
 }
 
+/// A line on standard output. One that nobody reads any more (`| head`) is no failure.
+pub(super) fn say(line: impl std::fmt::Display) {
+    let _ = writeln!(std::io::stdout(), "{line}");
+}
+
 /// The summary, in words or as JSON, on standard output.
 pub(super) fn report(summary: &Summary, faulty: &[FaultEvent], folder: &Path, json: bool) {
     if json {
-        println!("{}", summary.to_json());
+        say(summary.to_json());
         return;
     }
-    println!("{} sweeps, {} dropped, {} CRC errors", summary.sweeps, summary.dropped, summary.crc_errors);
+    say(format_args!("{} sweeps, {} dropped, {} CRC errors", summary.sweeps, summary.dropped, summary.crc_errors));
     if let (Some(mean), Some(p99)) = (summary.mean_us_per_sweep, summary.p99_us_per_sweep) {
-        println!("{mean:.0} us per sweep, 99th percentile {p99:.0} us");
+        say(format_args!("{mean:.0} us per sweep, 99th percentile {p99:.0} us"));
     }
     if let Some(accuracy) = &summary.accuracy {
-        println!(
+        say(format_args!(
             "ATE {:.3} m, greatest {:.3} m, heading {:.2} degrees RMS",
             accuracy.ate_m, accuracy.ate_max_m, accuracy.heading_rmse_deg
-        );
+        ));
     }
     for fault in faulty {
-        println!("{} (since {:.1} s)", fault.reason, fault.at.seconds());
+        say(format_args!("{} (since {:.1} s)", fault.reason, fault.at.seconds()));
     }
-    println!("map: {}", folder.join("map.png").display());
+    say(format_args!("map: {}", folder.join("map.png").display()));
 }
 
 fn style(template: &str) -> ProgressStyle {

@@ -260,7 +260,7 @@ fn settings(ring: &Ring) -> [i32; Setting::ALL.len()] {
     set(Setting::TicksPerTurn, i32::try_from(TICKS_PER_TURN).unwrap_or(0));
     if let Some(first) = ring.mountings.first() {
         let pose = first.robot_from_sensor;
-        set(Setting::RingRadiusMm, (pose.x_m.hypot(pose.y_m) * 1e3).round() as i32);
+        set(Setting::RingRadiusMm, (pose.position().coords.norm() * 1e3).round() as i32);
         set(Setting::HalfAngleCdeg, (first.half_angle_rad.to_degrees() * 1e2).round() as i32);
     }
     values

@@ -11,12 +11,37 @@ use std::time::Duration;
 /// How long one wait for the host's bytes takes: the simulation advances between two.
 const WAIT: Duration = Duration::from_millis(2);
 
-/// The name of the pseudo-terminal, gone when dropped.
-struct Link(PathBuf);
+/// The name of the pseudo-terminal, gone when dropped unless another has taken it.
+struct Link {
+    name: PathBuf,
+    device: PathBuf,
+}
+
+impl Link {
+    fn create(name: &Path, device: PathBuf) -> io::Result<Self> {
+        if let Ok(target) = std::fs::read_link(name) {
+            if target.exists() {
+                let words =
+                    format!("it leads to {}: another simulator serves it, choose another name", target.display());
+                return Err(io::Error::new(io::ErrorKind::AlreadyExists, words));
+            }
+            std::fs::remove_file(name)?;
+        }
+        std::os::unix::fs::symlink(&device, name).map_err(|error| match error.kind() {
+            io::ErrorKind::AlreadyExists => {
+                io::Error::new(error.kind(), "a file of that name is there already: choose another name")
+            }
+            _ => error,
+        })?;
+        Ok(Self { name: name.into(), device })
+    }
+}
 
 impl Drop for Link {
     fn drop(&mut self) {
-        let _ = std::fs::remove_file(&self.0);
+        if std::fs::read_link(&self.name).is_ok_and(|target| target == self.device) {
+            let _ = std::fs::remove_file(&self.name);
+        }
     }
 }
 
@@ -31,12 +56,8 @@ pub fn serve(mut simulation: Simulation, name: &Path) -> io::Result<()> {
     let device = slave.name().ok_or_else(|| io::Error::other("the pseudo-terminal has no name"))?;
     // Whoever holds it locks it.
     drop(slave);
-    if std::fs::symlink_metadata(name).is_ok_and(|found| found.file_type().is_symlink()) {
-        std::fs::remove_file(name)?;
-    }
-    std::os::unix::fs::symlink(device, name)?;
-    let _link = Link(name.into());
-    println!("{}", name.display());
+    let _link = Link::create(name, device.into())?;
+    let _ = writeln!(io::stdout(), "{}", name.display());
     let begin = std::time::Instant::now();
     let mut heard = [0; 256];
     loop {
