@@ -56,6 +56,7 @@ const TABLE: &[(&str, &[&str], bool)] = &[
         true,
     ),
     ("recorder", &["time", "capture"], true),
+    ("port", &[], true),
     ("daemon", EVERYTHING, true),
     ("cli", EVERYTHING, true),
 ];
