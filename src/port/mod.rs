@@ -11,7 +11,7 @@ pub use name::{NameError, PortName};
 pub use trouble::Trouble;
 
 use std::io::ErrorKind;
-use std::os::unix::fs::FileTypeExt as _;
+use std::os::unix::fs::{FileTypeExt as _, MetadataExt as _};
 use std::path::Path;
 use tokio_serial::{SerialPortBuilderExt as _, SerialStream};
 
@@ -23,7 +23,7 @@ use tokio_serial::{SerialPortBuilderExt as _, SerialStream};
 /// Why it cannot be opened, with what to do about it.
 pub fn open(path: &Path, baud: u32) -> Result<SerialStream, Trouble> {
     let metadata = std::fs::metadata(path).map_err(|error| of_io(path, &error))?;
-    if !metadata.file_type().is_char_device() {
+    if !metadata.file_type().is_char_device() || !is_terminal(metadata.rdev()) {
         return Err(Trouble::NotSerial { path: path.into() });
     }
     let holders = holders(path);
@@ -33,9 +33,15 @@ pub fn open(path: &Path, baud: u32) -> Result<SerialStream, Trouble> {
     tokio_serial::new(path.to_string_lossy(), baud).open_native_async().map_err(|error| match error.kind {
         tokio_serial::ErrorKind::NoDevice => Trouble::Busy { path: path.into(), holders: holder::holders(path) },
         tokio_serial::ErrorKind::Io(kind) => of_io(path, &kind.into()),
-        _ if error.description.contains("ioctl") => Trouble::NotSerial { path: path.into() },
         _ => Trouble::Other { path: path.into(), words: error.description },
     })
+}
+
+/// True where the kernel drives this device as a terminal: /dev/null must not be asked who else has it open.
+fn is_terminal(device: u64) -> bool {
+    let Ok(drivers) = std::fs::read_to_string("/proc/tty/drivers") else { return true };
+    let major = (device >> 8) & 0xFFF;
+    drivers.lines().any(|driver| driver.split_whitespace().nth(2).and_then(|field| field.parse().ok()) == Some(major))
 }
 
 fn of_io(path: &Path, error: &std::io::Error) -> Trouble {
