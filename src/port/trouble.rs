@@ -83,7 +83,7 @@ impl std::fmt::Display for Trouble {
             ),
             Self::Permission { path, group, group_may: false } => write!(
                 f,
-                "permission denied: {path} belongs to group {group}, which may not use it either; run `sudo chmod g+rw {path}` and join the group: `sudo usermod -aG {group} $USER`",
+                "permission denied: {path} belongs to group {group}, which may not use it either; run `sudo chgrp dialout {path} && sudo chmod g+rw {path}`, then `sudo usermod -aG dialout $USER`, and log in anew",
                 path = path.display()
             ),
             Self::Busy { path, holders } if holders.is_empty() => write!(
