@@ -131,7 +131,7 @@ fn the_clocks_drift_is_measured() {
 
 #[test]
 fn broken_sensors_are_named() {
-    let report = examine(32, &["3:missing", "9:saturated", "17:stuck@5"], &Config::default());
+    let report = examine(32, &["3:missing", "9:saturated"], &Config::default());
     assert_found(&report, "sensor.dead", Level::Warning, "sensor 3 is dead", "sensor 3's plug");
     assert_found(&report, "sensor.no_echo", Level::Warning, "sensor 9 heard no echo", "30 cm in front of sensor 9");
     assert!(
@@ -139,7 +139,8 @@ fn broken_sensors_are_named() {
             || find(&report, "sensors.count").text.starts_with("29 of 32"),
         "{report}"
     );
-    let report = examine(32, &["17:stuck"], &Config::default());
+    let report = examine(32, &["17:stuck", "21:noisy"], &Config::default());
+    assert_found(&report, "sensor.noisy", Level::Warning, "sensor 21 is noisy", "sensor 21's plug");
     assert_found(&report, "sensor.stuck", Level::Warning, "sensor 17 is stuck at", "in front of sensor 17");
 }
 
@@ -247,6 +248,20 @@ fn damage_on_the_line_is_measured() {
 }
 
 #[test]
+fn frames_that_are_missing_are_counted() {
+    let mut examination = Examination::new(&Config::default(), BAUD, "test");
+    let mut encoder = FrameEncoder::default();
+    for step in 0..500_u32 {
+        let frame =
+            encoder.encode(&Message::Encoder(slamd_protocol::Encoder { t_us: step * 20_000, ..Default::default() }));
+        if step % 10 != 9 {
+            examination.received(Timestamp::from_us(u64::from(step) * 20_000), &frame);
+        }
+    }
+    assert_found(&examination.report(), "line.lost", Level::Problem, "49 frames", "without a hub");
+}
+
+#[test]
 fn what_is_no_slamd_board_is_told_apart() {
     let report = examine_bytes(b"Marlin 2.1.2 ready, temperature 24.0\r\n");
     assert_found(&report, "line.firmware", Level::Problem, "Marlin", "flash protocol/firmware");
@@ -278,7 +293,7 @@ fn an_echoing_line_is_told() {
 }
 
 #[test]
-fn another_protocol_another_rate_and_overruns_are_told() {
+fn another_protocol_overruns_and_a_low_supply_are_told() {
     let report = examine_altered(|message| {
         if let Message::Hello(hello) = message {
             hello.major += 1;

@@ -1,12 +1,12 @@
 //! Evidence from what is read and written.
 
 use super::clock::ClockEvidence;
-use super::finding::{Finding, Report};
+use super::finding::{Finding, Level, Report};
 use super::line::LineEvidence;
 use super::sensors::SensorEvidence;
 use super::wheels::WheelEvidence;
 use crate::config::Config;
-use crate::event::{Event, Input, Output};
+use crate::event::{Event, FaultKind, Input, Output, SensorState};
 use crate::link::{Link, Reception, Remedy};
 use crate::pipeline::Pipeline;
 use crate::time::Timestamp;
@@ -156,6 +156,7 @@ impl Examination {
             self.config.ring.max_range_m,
             self.told(Setting::SlotUs),
         ));
+        findings.extend(noisy(self.pipeline.states()));
         findings.extend(self.wheels.findings(&self.config.robot, self.pipeline.board(), |setting| {
             self.told(setting).or_else(|| {
                 self.config.settings().find(|(configured, _)| *configured == setting).map(|(_, value)| value)
@@ -210,6 +211,16 @@ impl Examination {
             self.line.link(change);
         }
     }
+}
+
+/// The sensors whose readings the estimator does not believe: only the map tells scatter from a room.
+fn noisy(states: &[SensorState]) -> impl Iterator<Item = Finding> {
+    let is_noisy = |state: &SensorState| *state == SensorState::Faulty(FaultKind::Noisy);
+    states.iter().enumerate().filter(move |(_, state)| is_noisy(state)).map(|(sensor, _)| {
+        let text = format!("sensor {sensor} is noisy: its readings scatter against what the others see");
+        let fix = format!("tighten sensor {sensor}'s plug, give it a capacitor of 10 uF at its supply, or replace it");
+        Finding::new(Level::Warning, "sensor.noisy", text, fix)
+    })
 }
 
 fn reception(pipeline: &Pipeline) -> Reception<'_> {

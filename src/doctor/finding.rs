@@ -112,6 +112,6 @@ impl std::fmt::Display for Report {
             writeln!(f, "{finding}")?;
         }
         let Summary { ok, note, warning, problem } = self.summary;
-        write!(f, "{problem} problems, {warning} warnings, {note} notes, {ok} ok")
+        write!(f, "problems {problem}, warnings {warning}, notes {note}, ok {ok}")
     }
 }
