@@ -45,6 +45,7 @@ const TABLE: &[(&str, &[&str], bool)] = &[
         ],
         false,
     ),
+    ("doctor", &["protocol", "time", "geometry", "event", "config", "align", "board", "link", "pipeline"], false),
     ("capture", &["time", "geometry"], true),
     ("sim", &["protocol", "time", "geometry", "config", "capture"], true),
     ("import", &["protocol", "time", "geometry", "config", "capture"], true),

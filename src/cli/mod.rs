@@ -1,5 +1,6 @@
 //! The command line.
 
+mod doctor;
 mod failure;
 mod import;
 mod inspect;
@@ -44,6 +45,7 @@ enum Command {
     Inspect(inspect::InspectArgs),
     /// List the serial ports and who holds them.
     Ports(ports::PortsArgs),
+    Doctor(doctor::DoctorArgs),
 }
 
 /// Where results go and how they are made; the same for a robot and for a replay.
@@ -118,6 +120,7 @@ pub fn main() -> ExitCode {
         Command::Import(args) => args.run().map_err(Failure::from),
         Command::Inspect(args) => args.run().map_err(Failure::from),
         Command::Ports(args) => args.run(),
+        Command::Doctor(args) => args.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
