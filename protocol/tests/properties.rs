@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
+#[allow(dead_code, reason = "the noisy line uses the rest")]
 mod messages;
 
 use messages::message;
@@ -10,7 +11,6 @@ use slamd_protocol::{
     DecoderCounters, Frame, FrameBuf, FrameDecoder, FrameEncoder, MAX_FRAME, MAX_PAYLOAD, Message, PayloadBuf,
     encode_frame,
 };
-use std::collections::HashMap;
 
 /// A frame's type, sequence number and payload.
 type Content = (u8, u8, Vec<u8>);
