@@ -6,6 +6,7 @@
 #![allow(dead_code, unreachable_pub, reason = "each test uses its part")]
 
 pub mod daemon;
+pub mod replug;
 
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
@@ -71,6 +72,7 @@ pub struct Device {
     /// Bits per second; at any other rate both sides hear noise.
     baud: u32,
     ran: Duration,
+    boots_at: Option<Duration>,
     encoder: FrameEncoder,
     random: Random,
 }
@@ -78,11 +80,16 @@ pub struct Device {
 impl Device {
     pub fn new(board: Board, seed: u64) -> Self {
         let random = Random::new(seed, Stream::Link);
-        Self { board, baud: 115_200, ran: Duration::ZERO, encoder: FrameEncoder::new(), random }
+        Self { board, baud: 115_200, ran: Duration::ZERO, boots_at: None, encoder: FrameEncoder::new(), random }
     }
 
     pub fn at_baud(self, baud: u32) -> Self {
         Self { baud, ..self }
+    }
+
+    /// The board gets its supply from the host: it boots, and speaks, this long after it is plugged in.
+    pub fn boots_in(&mut self, boot: Duration) {
+        self.boots_at = Some(self.ran + boot);
     }
 
     /// Bytes that the board sends up to now.
@@ -99,7 +106,15 @@ impl Device {
                 bytes.extend(self.encoder.encode(&hello(*major)));
             }
             Board::Speaks(_) => {}
-            Board::Robot(simulation) => bytes = spoken(simulation, ran),
+            Board::Robot(simulation) => {
+                bytes = spoken(simulation, ran);
+                if self.boots_at.is_some() {
+                    bytes.clear();
+                }
+                if self.boots_at.take_if(|boots_at| *boots_at <= ran).is_some() {
+                    simulation.restart_board();
+                }
+            }
             Board::Restarting(simulation, every) => {
                 bytes = spoken(simulation, ran);
                 if has_passed(*every) {

@@ -1,0 +1,9 @@
+/* Without the Arduino core, which brings its own main. SPDX-License-Identifier: MIT OR Apache-2.0 */
+#if defined(__AVR_ATmega2560__) && !defined(ARDUINO)
+#include "slamd_ring.h"
+
+int main(void) {
+    slamd_ring_begin();
+    for (;;) slamd_ring_poll();
+}
+#endif

@@ -1,0 +1,184 @@
+/* Arduino Mega 2560. SPDX-License-Identifier: MIT OR Apache-2.0
+ *
+ * Timer 1 interrupts every 25 us, reads all echo and encoder pins, and stores what changed. */
+#ifdef __AVR_ATmega2560__
+
+#include "slamd_port.h"
+#include "slamd_ring.h"
+#include <avr/eeprom.h>
+#include <avr/interrupt.h>
+#include <avr/io.h>
+#include <util/atomic.h>
+#include <util/delay.h>
+
+#define SAMPLE_US 25
+#define BYTE_US 85 /* ten bits at 117647 baud, which is what the crystal makes of 115200 */
+
+const char slamd_port_board[] = "mega2560";
+
+static volatile uint32_t sampled_us;
+
+static struct slamd_edge edges[64];
+static volatile uint8_t edge_in, edge_out;
+static uint8_t last_a, last_c, last_l, last_k, last_d;
+static volatile int32_t counts[2];
+
+static uint8_t received[128];
+static volatile uint8_t received_in, received_out;
+static uint32_t delimiter_us[16];
+static volatile uint8_t delimiter_in;
+static uint8_t delimiter_out;
+
+static uint8_t sending[1024];
+static volatile uint16_t sending_in, sending_out;
+
+static uint32_t packed(uint8_t a, uint8_t c, uint8_t l, uint8_t k) {
+    return a | (uint32_t)c << 8 | (uint32_t)l << 16 | (uint32_t)k << 24;
+}
+
+/* With interrupts off. */
+static uint32_t now_us(void) {
+    uint32_t base = sampled_us;
+    uint16_t count = TCNT1;
+    if (TIFR1 & _BV(OCF1A)) {
+        base += SAMPLE_US;
+        count = TCNT1;
+    }
+    return base + (count >> 1);
+}
+
+ISR(TIMER1_COMPA_vect) {
+    uint8_t a = PINA, c = PINC, l = PINL, k = PINK, d = PIND;
+    sampled_us += SAMPLE_US;
+    if (a != last_a || c != last_c || l != last_l || k != last_k) {
+        uint8_t next = (edge_in + 1) & 63;
+        /* With the queue full the change stays to be seen by the next sample. */
+        if (next != edge_out) {
+            last_a = a, last_c = c, last_l = l, last_k = k;
+            edges[edge_in].t_us = sampled_us;
+            edges[edge_in].levels = packed(a, c, l, k);
+            edge_in = next;
+        }
+    }
+    if ((d ^ last_d) & 0x0F) {
+        counts[0] += slamd_quadrature_step(last_d, d);
+        counts[1] += slamd_quadrature_step(last_d >> 2, d >> 2);
+        last_d = d;
+    }
+}
+
+ISR(USART0_RX_vect) {
+    uint8_t byte = UDR0, next = (received_in + 1) & 127;
+    if (next == received_out) return;
+    received[received_in] = byte;
+    received_in = next;
+    if (byte == 0) {
+        delimiter_us[delimiter_in & 15] = now_us();
+        delimiter_in++;
+    }
+}
+
+ISR(USART0_UDRE_vect) {
+    if (sending_in == sending_out) {
+        UCSR0B &= (uint8_t)~_BV(UDRIE0);
+        return;
+    }
+    UDR0 = sending[sending_out];
+    sending_out = (sending_out + 1) & 1023;
+}
+
+void slamd_port_begin(void) {
+    DDRF = 0xFF;
+    DDRB |= _BV(PB7);
+    PORTD |= 0x0F; /* pull-ups: many encoders have open collectors */
+    PORTF = 0;
+    last_d = PIND;
+    TCCR1A = 0;
+    TCCR1B = _BV(WGM12) | _BV(CS11);
+    OCR1A = SAMPLE_US * 2 - 1;
+    TIMSK1 = _BV(OCIE1A);
+    UCSR0A = _BV(U2X0);
+    UBRR0 = 16;
+    UCSR0C = _BV(UCSZ01) | _BV(UCSZ00);
+    UCSR0B = _BV(RXEN0) | _BV(TXEN0) | _BV(RXCIE0);
+    sei();
+}
+
+uint32_t slamd_port_now_us(void) {
+    uint32_t us;
+    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) { us = now_us(); }
+    return us;
+}
+
+uint32_t slamd_port_levels(void) {
+    return packed(PINA, PINC, PINL, PINK);
+}
+
+bool slamd_port_next_edge(struct slamd_edge *edge) {
+    uint8_t at = edge_out;
+    if (at == edge_in) return false;
+    *edge = edges[at];
+    edge_out = (at + 1) & 63;
+    return true;
+}
+
+void slamd_port_trigger(uint8_t lines) {
+    PORTF = lines;
+    PORTB ^= _BV(PB7);
+    _delay_us(10);
+    PORTF = 0;
+}
+
+void slamd_port_ticks(int32_t ticks[2]) {
+    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
+        ticks[0] = counts[0];
+        ticks[1] = counts[1];
+    }
+}
+
+bool slamd_port_receive(uint8_t *byte, uint32_t *t_us) {
+    uint8_t at = received_out;
+    if (at == received_in) return false;
+    *byte = received[at];
+    received_out = (at + 1) & 127;
+    if (*byte == 0) {
+        ATOMIC_BLOCK(ATOMIC_RESTORESTATE) { *t_us = delimiter_us[delimiter_out++ & 15]; }
+    }
+    return true;
+}
+
+static uint16_t waiting(void) {
+    uint16_t len;
+    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) { len = (sending_in - sending_out) & 1023; }
+    return len;
+}
+
+bool slamd_port_send(const uint8_t *bytes, uint16_t len) {
+    uint16_t at = sending_in;
+    if (len > 1023 - waiting()) return false;
+    while (len--) {
+        sending[at] = *bytes++;
+        at = (at + 1) & 1023;
+    }
+    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
+        sending_in = at;
+        UCSR0B |= _BV(UDRIE0);
+    }
+    return true;
+}
+
+uint32_t slamd_port_send_delay_us(void) {
+    return (uint32_t)waiting() * BYTE_US;
+}
+
+uint8_t slamd_port_load(uint8_t at) {
+    return eeprom_read_byte((const uint8_t *)(uintptr_t)at);
+}
+
+bool slamd_port_store(uint8_t at, uint8_t byte) {
+    if (!eeprom_is_ready()) return false;
+    eeprom_update_byte((uint8_t *)(uintptr_t)at, byte);
+    return true;
+}
+
+#endif

@@ -1,0 +1,311 @@
+/* The board's behaviour, without any hardware. SPDX-License-Identifier: MIT OR Apache-2.0 */
+#include "slamd_ring.h"
+#include "slamd_port.h"
+#include "slamd_protocol.h"
+#include <math.h>
+
+#define SENSORS_MAX 32
+#define TRIGGER_LINES 8
+#define MUTE_CYCLES 8 /* pings without any answer before a sensor is reported */
+
+/* Non-volatile: the boot counter, the settings, their checksum. */
+#define BOOT_AT 0
+#define SETTINGS_AT 4
+#define SETTINGS_LEN (4 * SLAMD_SETTING_COUNT)
+#define STORE_LEN (SETTINGS_AT + SETTINGS_LEN + 4)
+
+static const struct {
+    int32_t least, most, value;
+} limits[SLAMD_SETTING_COUNT] = {
+#define LIMITS(name, key, least, most, value) {least, most, value},
+    SLAMD_SETTINGS(LIMITS)};
+
+static struct slamd_writer out;
+static struct slamd_decoder decoder;
+static uint8_t frame[SLAMD_MAX_FRAME];
+static uint8_t store[STORE_LEN];
+static uint8_t store_at;
+static int32_t settings[SLAMD_SETTING_COUNT];
+static uint32_t frames, overruns, boot_id;
+static uint8_t seq;
+static bool streaming;
+static uint32_t status_us, encoder_us;
+
+static bool pinging;
+static uint8_t group;
+static uint32_t trigger_us, levels, high_at_trigger, rose, fell, stuck;
+static int32_t trigger_ticks[2];
+static uint32_t rise_us[SENSORS_MAX];
+static uint16_t flight_us[SENSORS_MAX];
+static uint8_t faults[SENSORS_MAX], mute[SENSORS_MAX];
+
+static int32_t setting(uint8_t key) {
+    return settings[key - 1];
+}
+
+static void put32(uint8_t *at, uint32_t v) {
+    for (uint8_t i = 0; i < 4; i++, v >>= 8) at[i] = (uint8_t)v;
+}
+
+static uint32_t get32(const uint8_t *at) {
+    return at[0] | (uint32_t)at[1] << 8 | (uint32_t)at[2] << 16 | (uint32_t)at[3] << 24;
+}
+
+static void send(void) {
+    uint16_t len = slamd_finish(&out, frame);
+    if (slamd_port_send(frame, len)) {
+        frames++;
+        seq++;
+    } else {
+        overruns++;
+    }
+}
+
+static bool groups_fit(int32_t groups) {
+    return groups == 1 || groups == 2 || groups == 4 || groups == TRIGGER_LINES;
+}
+
+static bool accepts(uint8_t key, int32_t value) {
+    return value >= limits[key - 1].least && value <= limits[key - 1].most && (key != SLAMD_GROUPS || groups_fit(value));
+}
+
+static uint32_t settings_crc(void) {
+    return slamd_crc32(0, store + SETTINGS_AT, SETTINGS_LEN);
+}
+
+static void settings_to_store(void) {
+    for (uint8_t i = 0; i < SLAMD_SETTING_COUNT; i++) put32(store + SETTINGS_AT + 4 * i, (uint32_t)settings[i]);
+    put32(store + SETTINGS_AT + SETTINGS_LEN, settings_crc());
+    store_at = 0;
+}
+
+static void load(void) {
+    bool good;
+    for (uint8_t i = 0; i < STORE_LEN; i++) store[i] = slamd_port_load(i);
+    good = get32(store + SETTINGS_AT + SETTINGS_LEN) == settings_crc();
+    for (uint8_t i = 0; i < SLAMD_SETTING_COUNT; i++) {
+        settings[i] = (int32_t)get32(store + SETTINGS_AT + 4 * i);
+        if (!good || !accepts(i + 1, settings[i])) settings[i] = limits[i].value;
+    }
+    boot_id = get32(store + BOOT_AT) + 1;
+    put32(store + BOOT_AT, boot_id);
+    settings_to_store();
+}
+
+/* Begins to write at most one byte per call, for a write takes milliseconds. */
+static void save(void) {
+    if (store_at < STORE_LEN && slamd_port_store(store_at, store[store_at])) store_at++;
+}
+
+static void send_hello(void) {
+    struct slamd_hello hello = {boot_id, 1000000, (uint32_t)setting(SLAMD_TICKS_PER_TURN), 0, settings_crc(),
+                                (uint8_t)setting(SLAMD_SENSORS), {'s', 'l', 'a', 'm', 'd', 'r', 'n', 'g'},
+                                slamd_port_board, SLAMD_FIRMWARE_VERSION};
+    slamd_put_hello(&out, seq, &hello);
+    send();
+}
+
+static void send_geometry(void) {
+    uint8_t total = (uint8_t)setting(SLAMD_SENSORS);
+    int32_t radius_mm = setting(SLAMD_RING_RADIUS_MM);
+    for (uint8_t first = 0; first < total; first += SLAMD_MAX_PLACEMENTS) {
+        slamd_begin_geometry(&out, seq, total, first);
+        for (uint8_t i = first; i < total && i < first + SLAMD_MAX_PLACEMENTS; i++) {
+            int32_t cdeg = (36000L * i + total / 2) / total;
+            double rad;
+            if (cdeg > 18000) cdeg -= 36000;
+            if (setting(SLAMD_CLOCKWISE)) cdeg = -cdeg;
+            rad = (double)cdeg * (3.14159265358979 / 18000);
+            slamd_put_placement(&out, (int16_t)lround((double)radius_mm * cos(rad)),
+                                (int16_t)lround((double)radius_mm * sin(rad)), (int16_t)cdeg,
+                                (uint16_t)setting(SLAMD_HALF_ANGLE_CDEG), i % (uint8_t)setting(SLAMD_GROUPS));
+        }
+        send();
+    }
+}
+
+static void read_wheels(int32_t wheels[2]) {
+    int32_t ticks[2];
+    uint8_t swapped = (uint8_t)setting(SLAMD_WHEELS_SWAPPED);
+    slamd_port_ticks(ticks);
+    for (uint8_t i = 0; i < 2; i++) {
+        uint32_t count = (uint32_t)ticks[i ^ swapped];
+        wheels[i] = (int32_t)(setting(SLAMD_LEFT_REVERSED + i) ? 0 - count : count);
+    }
+}
+
+static uint8_t set(uint8_t key, int32_t value) {
+    if (key < 1 || key > SLAMD_SETTING_COUNT) return SLAMD_UNKNOWN;
+    if (value == setting(key)) return SLAMD_DONE;
+    if (!accepts(key, value)) return SLAMD_REFUSED;
+    if (streaming && (key <= SLAMD_SLOT_US || key == SLAMD_MAX_RANGE_MM)) return SLAMD_BUSY;
+    settings[key - 1] = value;
+    settings_to_store();
+    return SLAMD_DONE;
+}
+
+static void answer(const struct slamd_request *r, uint32_t rx_us) {
+    uint8_t result;
+    switch (r->kind) {
+    case SLAMD_HELLO_REQUEST: send_hello(); return;
+    case SLAMD_GEOMETRY_REQUEST: send_geometry(); return;
+    case SLAMD_TIME_REQUEST:
+        slamd_put_time_response(&out, seq, r->token, rx_us, slamd_port_now_us() + slamd_port_send_delay_us());
+        send();
+        return;
+    case SLAMD_CONFIG_GET:
+        if (r->key >= 1 && r->key <= SLAMD_SETTING_COUNT) {
+            slamd_put_config_value(&out, seq, r->key, setting(r->key));
+            send();
+            return;
+        }
+        result = SLAMD_UNKNOWN;
+        break;
+    case SLAMD_CONFIG_SET: result = set(r->key, r->value); break;
+    case SLAMD_START:
+        if (!streaming) {
+            uint32_t now_us = slamd_port_now_us();
+            pinging = false;
+            group = 0;
+            trigger_us = now_us - (uint32_t)setting(SLAMD_SLOT_US);
+            status_us = now_us - 1000000;
+            encoder_us = now_us - (uint32_t)setting(SLAMD_ENCODER_PERIOD_MS) * 1000;
+        }
+        streaming = true;
+        result = SLAMD_DONE;
+        break;
+    case SLAMD_STOP:
+        streaming = pinging = false;
+        result = SLAMD_DONE;
+        break;
+    default: return;
+    }
+    slamd_put_ack(&out, seq, r->kind, r->seq, result);
+    send();
+}
+
+static void hear(void) {
+    uint8_t byte;
+    uint32_t t_us;
+    struct slamd_request request;
+    /* A bound, so that a chattering host cannot keep the ring from firing. */
+    for (uint8_t i = 0; i < 64 && slamd_port_receive(&byte, &t_us); i++) {
+        if (slamd_push(&decoder, byte) && slamd_parse(&decoder, &request)) answer(&request, t_us);
+    }
+}
+
+static void take_edges(void) {
+    struct slamd_edge edge;
+    while (slamd_port_next_edge(&edge)) {
+        uint32_t changed = edge.levels ^ levels;
+        levels = edge.levels;
+        if (!pinging || (int32_t)(edge.t_us - trigger_us) < 0) continue;
+        for (uint8_t i = 0; changed; i++, changed >>= 1) {
+            uint32_t bit = (uint32_t)1 << i;
+            if (!(changed & 1)) continue;
+            if (edge.levels & bit) {
+                if (!(rose & bit)) rise_us[i] = edge.t_us;
+                rose |= bit;
+            } else if (!(fell & bit)) {
+                uint32_t us = edge.t_us - rise_us[i];
+                fell |= bit;
+                flight_us[i] = us > SLAMD_MAX_FLIGHT_US ? SLAMD_ECHO_NONE : (uint16_t)us;
+            }
+        }
+    }
+}
+
+static void report_fault(uint8_t sensor, uint8_t code) {
+    uint32_t bit = (uint32_t)1 << sensor;
+    stuck = code == SLAMD_FAULT_PIN_STUCK ? stuck | bit : stuck & ~bit;
+    if (faults[sensor] == code) return;
+    faults[sensor] = code;
+    slamd_put_fault(&out, seq, slamd_port_now_us(), sensor, code);
+    send();
+}
+
+/* What sensor i heard; false where it never answered. */
+static bool echo_of(uint8_t i, uint16_t *echo, uint8_t *fault) {
+    uint32_t bit = (uint32_t)1 << i;
+    uint32_t max_us = (uint32_t)setting(SLAMD_MAX_RANGE_MM) * 2000 / 343; /* sound at 20 degrees Celsius */
+    *fault = SLAMD_FAULT_CLEARED;
+    *echo = SLAMD_ECHO_NONE;
+    if (high_at_trigger & bit) {
+        *echo = fell & bit ? SLAMD_ECHO_HIGH_AT_TRIGGER : SLAMD_ECHO_STUCK;
+        *fault = fell & bit ? SLAMD_FAULT_HIGH_AT_TRIGGER : SLAMD_FAULT_PIN_STUCK;
+    } else if (!(rose & bit)) {
+        *fault = SLAMD_FAULT_NEVER_ANSWERS;
+        return false;
+    } else if (fell & bit && flight_us[i] <= max_us) {
+        *echo = flight_us[i];
+    }
+    return true;
+}
+
+static void end_ping(void) {
+    uint8_t total = (uint8_t)setting(SLAMD_SENSORS), groups = (uint8_t)setting(SLAMD_GROUPS);
+    uint16_t echo;
+    uint8_t fault;
+    slamd_begin_sonar(&out, seq, trigger_us, group, group + 1 == groups, trigger_ticks[0], trigger_ticks[1]);
+    for (uint8_t i = group; i < total; i += groups) {
+        if (echo_of(i, &echo, &fault)) slamd_put_echo(&out, i, echo);
+    }
+    send();
+    for (uint8_t i = group; i < total; i += groups) {
+        bool answered = echo_of(i, &echo, &fault);
+        if (answered) mute[i] = 0;
+        else if (mute[i] < MUTE_CYCLES) mute[i]++;
+        if (answered || mute[i] == MUTE_CYCLES) report_fault(i, fault);
+    }
+    group = group + 1 < groups ? group + 1 : 0;
+}
+
+static void begin_ping(void) {
+    uint8_t lines = 0, groups = (uint8_t)setting(SLAMD_GROUPS);
+    for (uint8_t line = group; line < TRIGGER_LINES; line += groups) lines |= (uint8_t)(1 << line);
+    rose = fell = 0;
+    levels = high_at_trigger = slamd_port_levels();
+    read_wheels(trigger_ticks);
+    trigger_us = slamd_port_now_us();
+    pinging = true;
+    slamd_port_trigger(lines);
+}
+
+static void fire(void) {
+    uint32_t slot_us = (uint32_t)setting(SLAMD_SLOT_US);
+    take_edges();
+    if (!streaming || slamd_port_now_us() - trigger_us < slot_us) return;
+    if (pinging) end_ping();
+    begin_ping();
+}
+
+static void report(void) {
+    uint32_t now_us = slamd_port_now_us(), period_us = (uint32_t)setting(SLAMD_ENCODER_PERIOD_MS) * 1000;
+    if (!streaming) return;
+    if (now_us - encoder_us >= period_us) {
+        int32_t wheels[2];
+        encoder_us = now_us;
+        read_wheels(wheels);
+        slamd_put_encoder(&out, seq, now_us, wheels[0], wheels[1]);
+        send();
+    }
+    if (now_us - status_us >= 1000000) {
+        struct slamd_status status = {now_us, frames, overruns, decoder.crc_errors, SLAMD_UNKNOWN_TEMPERATURE, 0, stuck};
+        status_us = now_us;
+        slamd_put_status(&out, seq, &status);
+        send();
+    }
+}
+
+void slamd_ring_begin(void) {
+    slamd_port_begin();
+    load();
+    send_hello();
+}
+
+void slamd_ring_poll(void) {
+    fire();
+    hear();
+    report();
+    save();
+}
