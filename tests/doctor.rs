@@ -176,8 +176,8 @@ fn reversed_wheels_name_their_setting() {
             "[board] left_reversed = false and right_reversed = false",
         ),
     ] {
-        let mut config = Config::default();
-        config.board = settings.iter().map(|name| ((*name).to_owned(), SettingValue::Flag(true))).collect();
+        let board = settings.iter().map(|name| ((*name).to_owned(), SettingValue::Flag(true))).collect();
+        let config = Config { board, ..Config::default() };
         assert_found(&examine(8, &[], &config), id, Level::Warning, "if the robot was pushed straight ahead", fix);
     }
 }

@@ -206,7 +206,8 @@ fn damage(counters: &Counters) -> Vec<Finding> {
     let level = |count: u64| {
         let share = count as f64 / (count + counters.frames) as f64;
         let is_told = count >= FEW && share > WARNING_SHARE;
-        is_told.then(|| (if share > PROBLEM_SHARE { Level::Problem } else { Level::Warning }, share * 100.0))
+        let level = if share > PROBLEM_SHARE { Level::Problem } else { Level::Warning };
+        is_told.then_some((level, share * 100.0))
     };
     let damaged = counters.crc_errors + counters.malformed;
     let mut findings = Vec::new();

@@ -44,7 +44,7 @@ impl WheelEvidence {
         let (then_us, [last_left, last_right]) = *self.last.get_or_insert((t_us, [left, right]));
         let since_us = t_us.wrapping_sub(then_us);
         // A message that was latched before the last one is late.
-        if since_us > u32::MAX / 2 || since_us < STEP_US {
+        if !(STEP_US..=u32::MAX / 2).contains(&since_us) {
             return;
         }
         self.last = Some((t_us, [left, right]));
