@@ -8,6 +8,7 @@ mod noisy_line;
 use indicatif::{ProgressBar, ProgressStyle};
 use noisy_line::{Line, send_in_parallel};
 
+#[expect(clippy::disallowed_methods, reason = "a bench measures time")]
 fn main() {
     let arguments: Vec<String> = std::env::args().collect();
     let bytes = arguments.iter().position(|argument| argument == "--bytes");

@@ -2,7 +2,6 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-#[allow(dead_code, reason = "the noisy line uses the rest")]
 mod messages;
 
 use messages::message;

@@ -1,5 +1,7 @@
 //! Real messages through a line that changes, loses and adds bytes: no frame may be accepted that was not sent, and none out of order.
 
+#![allow(dead_code, unreachable_pub, reason = "each test uses its part")]
+
 use crate::messages::message_of;
 use slamd_protocol::{FrameDecoder, FrameEncoder, Message};
 use std::collections::VecDeque;
