@@ -180,7 +180,8 @@ fn wheels_count_every_edge_reversed_and_swapped() {
 #[test]
 fn frames_that_find_the_line_busy_are_counted() {
     let script = Script::boot(0).say(&Message::Start).then("busy 1\nrun 500000\nbusy 0\nrun 1500000");
-    let last = script.messages().into_iter().rev().find_map(|m| if let Message::Status(s) = m { Some(s) } else { None });
+    let last =
+        script.messages().into_iter().rev().find_map(|m| if let Message::Status(s) = m { Some(s) } else { None });
     assert!((40..=50).contains(&last.unwrap().overruns), "{last:?}");
 }
 
