@@ -165,8 +165,13 @@ impl Reading {
         let Some(frame) = self.decoder.push(byte) else { return };
         let name = kind::name(frame.kind).map_or_else(|| format!("{:#04x}", frame.kind), Into::into);
         self.report.frames.entry(name).or_default().count += 1;
-        if let Some(last) = self.seq.replace(frame.seq) {
-            self.report.lost_frames += u64::from(frame.seq.wrapping_sub(last).wrapping_sub(1));
+        match frame.seq.wrapping_sub(self.seq.unwrap_or_else(|| frame.seq.wrapping_sub(1))) {
+            ahead @ 1..128 => {
+                self.report.lost_frames += u64::from(ahead - 1);
+                self.seq = Some(frame.seq);
+            }
+            // It was counted as lost, and comes late.
+            _ => self.report.lost_frames = self.report.lost_frames.saturating_sub(1),
         }
         match Message::parse(frame.kind, frame.payload) {
             Ok(Message::Hello(hello)) => {

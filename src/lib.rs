@@ -29,6 +29,7 @@ pub mod walls;
 pub mod pipeline;
 
 pub mod capture;
+pub mod doctor;
 pub mod import;
 pub mod inspect;
 pub mod metrics;

@@ -179,15 +179,24 @@ impl Pipeline {
     fn received(&mut self, byte: u8, at: Timestamp) {
         let Some(frame) = self.decoder.push(byte) else { return };
         let (seq, message) = (frame.seq, Message::parse(frame.kind, frame.payload));
-        if let Some(last) = self.last_seq.replace(seq) {
-            self.counters.lost_frames += u64::from(seq.wrapping_sub(last).wrapping_sub(1));
-        }
+        self.count_lost(seq);
         self.conversation.heard(at);
         match message {
             Ok(message) if message.kind() & FROM_HOST != 0 => self.counters.echoed += 1,
             Ok(message) => self.message(message, at),
             Err(MessageError::UnknownType(_)) => self.counters.unknown += 1,
             Err(_) => self.counters.refused += 1,
+        }
+    }
+
+    /// Numbers between the newest and this one are missing; one that comes late was counted as missing and is not.
+    fn count_lost(&mut self, seq: u8) {
+        match seq.wrapping_sub(self.last_seq.unwrap_or_else(|| seq.wrapping_sub(1))) {
+            ahead @ 1..128 => {
+                self.counters.lost_frames += u64::from(ahead - 1);
+                self.last_seq = Some(seq);
+            }
+            _ => self.counters.lost_frames = self.counters.lost_frames.saturating_sub(1),
         }
     }
 

@@ -18,6 +18,7 @@ use crate::mapping::cone::{self, Target};
 use crate::mapping::grid::OccupancyGrid;
 use crate::mapping::raster::Raster;
 use crate::orientation::axis::AxisFinder;
+use crate::orientation::start;
 use crate::position::tracker::{Tracker, Use};
 use crate::sweep::Sweep;
 use std::f64::consts::FRAC_PI_2;
@@ -100,9 +101,6 @@ impl Walls {
     /// Gathers the first sweeps until they agree on the building's axis, then uses them all.
     fn seek(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
         self.waiting.push(sweep.clone());
-        for beam in &sweep.beams {
-            self.axis.add(sweep.odometry, beam);
-        }
         let waited = self.waiting.len();
         self.travel_m += 0.5 * (sweep.left_m + sweep.right_m).abs();
         let is_time =
@@ -110,12 +108,13 @@ impl Walls {
         if waited < MOST_SWEEPS && !is_time {
             return;
         }
-        let axis = self.axis.find().filter(|axis| axis.contrast >= CONTRAST);
+        let axis = start::find(&mut self.axis, &self.waiting, self.wheel_base_m);
+        let axis = axis.filter(|axis| axis.contrast >= CONTRAST);
         if axis.is_none() && waited < MOST_SWEEPS {
             return;
         }
-        let heading_rad = self.waiting[0].odometry.theta_rad - axis.map_or(0.0, |axis| axis.angle_rad);
         // Without an axis any direction is as good as another: the first heading becomes the map's x axis.
+        let heading_rad = axis.map_or(0.0, |axis| -axis.angle_rad);
         let sigma_rad = if axis.is_some() { AXIS_SIGMA_RAD } else { 0.25 * FRAC_PI_2 };
         self.tracker = Some(Tracker::new(Pose2::new(0.0, 0.0, heading_rad), sigma_rad, self.wheel_base_m));
         self.axis.clear();

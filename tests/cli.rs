@@ -43,9 +43,27 @@ fn an_unknown_world_lists_the_known_ones() {
 
 #[test]
 fn a_missing_port_says_what_to_do() {
-    let (code, text) = slamd(&["--port", "/dev/nowhere"]);
+    let (code, text) = slamd(&["--port", "/dev/nowhere", "--exit-on-hangup"]);
     assert_eq!(code, 69, "{text}");
     assert!(text.contains("plug the board in"), "{text}");
+}
+
+#[test]
+fn a_missing_port_is_waited_for() {
+    let (code, text) = slamd(&["--port", "/dev/nowhere", "--duration", "0.3"]);
+    assert_eq!(code, 0, "{text}");
+    assert!(text.contains("link: searching (port missing: there is no /dev/nowhere; plug the board in"), "{text}");
+}
+
+#[test]
+fn ports_are_listed_for_programs() {
+    let output = Command::new(env!("CARGO_BIN_EXE_slamd")).args(["ports", "--json"]).output().unwrap();
+    let ports: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    for port in ports.as_array().unwrap() {
+        assert!(port["path"].as_str().unwrap().starts_with("/dev/"), "{port}");
+        assert!(port["holders"].is_array() && port["name"].is_string(), "{port}");
+    }
+    assert_eq!(slamd(&["ports"]).0, 0);
 }
 
 #[test]

@@ -45,6 +45,7 @@ const TABLE: &[(&str, &[&str], bool)] = &[
         ],
         false,
     ),
+    ("doctor", &["protocol", "time", "geometry", "event", "config", "align", "board", "link", "pipeline"], false),
     ("capture", &["time", "geometry"], true),
     ("sim", &["protocol", "time", "geometry", "config", "capture"], true),
     ("import", &["protocol", "time", "geometry", "config", "capture"], true),
@@ -56,6 +57,7 @@ const TABLE: &[(&str, &[&str], bool)] = &[
         true,
     ),
     ("recorder", &["time", "capture"], true),
+    ("port", &[], true),
     ("daemon", EVERYTHING, true),
     ("cli", EVERYTHING, true),
 ];

@@ -1,8 +1,10 @@
 //! The command line.
 
+mod doctor;
 mod failure;
 mod import;
 mod inspect;
+mod ports;
 mod replay;
 mod run;
 mod simulate;
@@ -41,6 +43,9 @@ enum Command {
     Import(import::ImportArgs),
     /// Tell what is in a capture: messages, rates, gaps, faults.
     Inspect(inspect::InspectArgs),
+    /// List the serial ports and who holds them.
+    Ports(ports::PortsArgs),
+    Doctor(doctor::DoctorArgs),
 }
 
 /// Where results go and how they are made; the same for a robot and for a replay.
@@ -114,6 +119,8 @@ pub fn main() -> ExitCode {
         Command::Simulate(args) => args.run(),
         Command::Import(args) => args.run().map_err(Failure::from),
         Command::Inspect(args) => args.run().map_err(Failure::from),
+        Command::Ports(args) => args.run(),
+        Command::Doctor(args) => args.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

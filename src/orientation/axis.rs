@@ -17,6 +17,8 @@ pub struct Axis {
     pub angle_rad: f64,
     /// How much better the best direction is than the median one; 1 is no preference.
     pub contrast: f64,
+    /// How strongly the votes gather under it; comparable between the same returns laid out differently.
+    pub strength: f64,
 }
 
 /// One return.
@@ -83,7 +85,7 @@ impl AxisFinder {
         let offset = self.peak_offset(best);
         let angle_rad = (best as f64 + offset) * STEP_RAD;
         let folded = if angle_rad > 0.5 * FRAC_PI_2 { angle_rad - FRAC_PI_2 } else { angle_rad };
-        (median > 0.0).then_some(Axis { angle_rad: folded, contrast: top / median })
+        (median > 0.0).then_some(Axis { angle_rad: folded, contrast: top / median, strength: top })
     }
 
     /// How strongly the votes gather under one direction and its three perpendiculars.

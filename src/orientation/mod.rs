@@ -3,3 +3,4 @@
 pub mod axis;
 pub mod heading;
 pub mod hough;
+pub mod start;

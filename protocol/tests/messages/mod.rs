@@ -1,5 +1,7 @@
 //! Arbitrary messages.
 
+#![allow(dead_code, reason = "each test uses its part")]
+
 use core::num::NonZeroU16;
 use proptest::prelude::*;
 use slamd_protocol::{

@@ -1,0 +1,26 @@
+//! `cargo bench --bench replug [-- --cycles 1000]`: the cable pulled and put back, on the real program.
+
+#[path = "../tests/mock_port/mod.rs"]
+mod mock_port;
+
+use indicatif::ProgressBar;
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().collect();
+    let cycles = arguments.iter().position(|argument| argument == "--cycles");
+    let cycles = cycles.and_then(|place| arguments.get(place + 1)).map_or("1000", String::as_str);
+    let cycles: u64 = cycles.parse().expect("--cycles NUMBER");
+    let bar = ProgressBar::new(cycles);
+    let measured = mock_port::replug::replug(cycles, || bar.inc(1));
+    bar.finish_and_clear();
+    let [median, p99, worst] = [0.5, 0.99, 1.0].map(|share| measured.quantile_ms(share));
+    println!("| cycles | recovered ms, median | p99 | worst | descriptors | resident KiB | CPU while absent |");
+    println!("|---|---|---|---|---|---|---|");
+    println!(
+        "| {cycles} | {median:.0} | {p99:.0} | {worst:.0} | {:?} | {:?} | {:.2} % |",
+        measured.descriptors,
+        measured.resident_kib,
+        100.0 * measured.absent_cpu
+    );
+    measured.check();
+}

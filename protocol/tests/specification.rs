@@ -1,0 +1,40 @@
+//! The tables of README.md say what the code says.
+
+#![allow(clippy::unwrap_used, reason = "a test may")]
+
+use slamd_protocol::{Setting, kind};
+
+const SPECIFICATION: &str = include_str!("../README.md");
+
+/// The cells of each row whose first cell satisfies `is_key`.
+fn rows(is_key: impl Fn(&str) -> bool) -> Vec<Vec<&'static str>> {
+    let cells = |line: &'static str| line.trim_matches('|').split('|').map(str::trim).collect::<Vec<_>>();
+    SPECIFICATION.lines().filter(|line| line.starts_with('|')).map(cells).filter(|cells| is_key(cells[0])).collect()
+}
+
+#[test]
+fn settings_are_those_of_the_code() {
+    let written = rows(|key| key.parse::<u8>().is_ok());
+    assert_eq!(written.len(), Setting::ALL.len());
+    for (row, setting) in written.iter().zip(Setting::ALL) {
+        let (least, most) = setting.range().into_inner();
+        let while_firing = if setting.needs_stop() { "no" } else { "yes" };
+        let expected = [
+            setting.key().to_string(),
+            format!("`{}`", setting.name()),
+            format!("{least} to {most}"),
+            setting.default().to_string(),
+            while_firing.into(),
+        ];
+        assert_eq!(row, &expected);
+    }
+}
+
+#[test]
+fn messages_are_those_of_the_code() {
+    let written = rows(|kind| kind.starts_with("0x") && kind.len() == 4);
+    let written: Vec<(u8, &str)> =
+        written.iter().map(|row| (u8::from_str_radix(&row[0][2..], 16).unwrap(), row[1])).collect();
+    let known: Vec<(u8, &str)> = (0..=u8::MAX).filter_map(|code| Some((code, kind::name(code)?))).collect();
+    assert_eq!(written, known);
+}

@@ -1,0 +1,258 @@
+//! The line: what arrives, whole or damaged, from which firmware.
+
+use super::finding::{Finding, Level};
+use crate::board::Board;
+use crate::event::Counters;
+use crate::link::{LinkChange, LinkState};
+use crate::time::Timestamp;
+use slamd_protocol::Status;
+
+/// A start bit, eight of data, a stop bit.
+const BITS_PER_BYTE: f64 = 10.0;
+/// Frames that may be damaged without a word: one is cut in two when the port is opened.
+const FEW: u64 = 3;
+/// Shares of damaged or lost frames that are told, and that ruin a map.
+const WARNING_SHARE: f64 = 0.001;
+const PROBLEM_SHARE: f64 = 0.05;
+/// USB gives 5 V; below this the sensors' range falls.
+const LEAST_SUPPLY_MV: u16 = 4_600;
+/// Beyond this share of the line's rate frames begin to be dropped.
+const FULL: f64 = 0.9;
+
+/// What was seen of the line.
+pub(super) struct LineEvidence {
+    wanted_baud: u32,
+    bytes: u64,
+    first_at: Option<Timestamp>,
+    last_at: Timestamp,
+    causes: Vec<String>,
+    troubles: Vec<String>,
+    last_status: Option<Status>,
+    overruns: u64,
+    board_crc_errors: u64,
+    least_supply_mv: Option<u16>,
+}
+
+impl LineEvidence {
+    pub(super) fn new(wanted_baud: u32) -> Self {
+        Self {
+            wanted_baud,
+            bytes: 0,
+            first_at: None,
+            last_at: Timestamp::default(),
+            causes: Vec::new(),
+            troubles: Vec::new(),
+            last_status: None,
+            overruns: 0,
+            board_crc_errors: 0,
+            least_supply_mv: None,
+        }
+    }
+
+    pub(super) fn received(&mut self, at: Timestamp, bytes: usize) {
+        self.first_at.get_or_insert(at);
+        self.last_at = at;
+        self.bytes += bytes as u64;
+    }
+
+    pub(super) fn link(&mut self, change: LinkChange) {
+        if change.state == LinkState::Listening {
+            self.causes.push(change.cause);
+        }
+    }
+
+    pub(super) fn trouble(&mut self, text: String) {
+        self.troubles.push(text);
+    }
+
+    /// The board's counters begin anew.
+    pub(super) fn restart(&mut self) {
+        self.last_status = None;
+    }
+
+    pub(super) fn status(&mut self, status: &Status) {
+        if let Some(last) = self.last_status.replace(*status) {
+            self.overruns += u64::from(status.overruns.wrapping_sub(last.overruns));
+            self.board_crc_errors += u64::from(status.crc_errors.wrapping_sub(last.crc_errors));
+        }
+        if let Some(supply) = status.supply_mv {
+            let least = self.least_supply_mv.unwrap_or(u16::MAX);
+            self.least_supply_mv = Some(supply.get().min(least));
+        }
+    }
+
+    pub(super) fn findings(&self, counters: &Counters, board: &Board, baud: u32) -> Vec<Finding> {
+        if counters.frames == 0 {
+            return vec![self.nothing_valid()];
+        }
+        let mut findings = Vec::new();
+        if counters.echoed > 0 {
+            findings.push(Finding::new(
+                Level::Problem,
+                "line.echo",
+                format!("the line echoes what slamd sends: {} of its own messages came back", counters.echoed),
+                "separate the board's receive and transmit wires (RX0, TX0) and switch off any local echo of the adapter",
+            ));
+            if counters.echoed == counters.frames {
+                return findings;
+            }
+        }
+        if let Some(refusal) = board.refusal() {
+            let fix = refusal.rsplit_once(": ").map_or("update the firmware or slamd", |(_, fix)| fix).to_owned();
+            findings.push(Finding::new(Level::Problem, "line.protocol", refusal, fix));
+            return findings;
+        }
+        match board.hello() {
+            Some(_) => findings.push(Finding::ok("line.board", board.description())),
+            None => findings.push(Finding::new(
+                Level::Warning,
+                "line.board",
+                "the board has not said who it is",
+                "press its reset button while this runs; if it stays so, flash protocol/firmware anew",
+            )),
+        }
+        if baud != self.wanted_baud {
+            findings.push(Finding::new(
+                Level::Warning,
+                "line.baud",
+                format!("the board speaks at {baud} baud, not at {}", self.wanted_baud),
+                format!("start slamd with --baud {baud}"),
+            ));
+        }
+        for text in &self.troubles {
+            let (text, fix) = text.rsplit_once(": ").unwrap_or((text, "see the board's settings in configs/README.md"));
+            findings.push(Finding::new(Level::Problem, "line.settings", text, fix));
+        }
+        findings.extend(self.rate(baud));
+        findings.extend(damage(counters));
+        findings.extend(self.board_side());
+        findings.extend(restarts(counters.restarts));
+        findings
+    }
+
+    /// Why no frame was received.
+    fn nothing_valid(&self) -> Finding {
+        const RESET: &str =
+            "name the board's port (`slamd ports`), flash protocol/firmware, and check its supply and its ground wire";
+        let cause = self.causes.iter().rev().find(|cause| {
+            !cause.contains("trying other rates")
+                && ["wrong firmware", "noise", "silence"].iter().any(|word| cause.starts_with(word))
+        });
+        let id = match cause {
+            Some(cause) if cause.starts_with("wrong firmware") => "line.firmware",
+            _ if self.bytes > 0 => "line.noise",
+            _ => "line.silence",
+        };
+        let otherwise = if self.bytes > 0 {
+            format!("noise: {} bytes arrived but no valid frame", self.bytes)
+        } else {
+            "silence: nothing arrived".into()
+        };
+        match cause.and_then(|cause| cause.rsplit_once(": ")) {
+            Some((text, fix)) => Finding::new(Level::Problem, id, text, fix),
+            None => Finding::new(Level::Problem, id, otherwise, RESET),
+        }
+    }
+
+    fn rate(&self, baud: u32) -> Option<Finding> {
+        let seconds = self.last_at.seconds_since(self.first_at?);
+        if seconds < 1.0 {
+            return None;
+        }
+        let rate = self.bytes as f64 / seconds;
+        let share = rate * BITS_PER_BYTE / f64::from(baud);
+        let text = format!("{rate:.0} bytes/s, {:.0} % of the line at {baud} baud", share * 100.0);
+        Some(if share > FULL {
+            let fix = "set [board] encoder_period_ms or slot_us higher, or build the firmware for a higher baud rate";
+            Finding::new(Level::Warning, "line.rate", format!("the line is full: {text}"), fix)
+        } else {
+            Finding::ok("line.rate", text)
+        })
+    }
+
+    /// What the board says of the line and of its supply.
+    fn board_side(&self) -> Vec<Finding> {
+        let mut findings = Vec::new();
+        if self.overruns > 0 {
+            findings.push(Finding::new(
+                Level::Warning,
+                "line.overruns",
+                format!("the board could not send {} frames because the line was busy", self.overruns),
+                "set [board] encoder_period_ms or slot_us higher, or build the firmware for a higher baud rate",
+            ));
+        }
+        if self.board_crc_errors > 0 {
+            findings.push(Finding::new(
+                Level::Warning,
+                "line.to_board",
+                format!("{} frames reached the board damaged", self.board_crc_errors),
+                "shorten the cable, join the grounds, and keep it away from the motors' wires",
+            ));
+        }
+        if let Some(supply_mv) = self.least_supply_mv.filter(|&supply_mv| supply_mv < LEAST_SUPPLY_MV) {
+            findings.push(Finding::new(
+                Level::Warning,
+                "line.supply",
+                format!("the board's supply fell to {:.2} V", f64::from(supply_mv) * 1e-3),
+                "feed sensors and motors from their own supply and join the grounds",
+            ));
+        }
+        findings
+    }
+}
+
+/// Frames that came damaged or not at all.
+fn damage(counters: &Counters) -> Vec<Finding> {
+    let level = |count: u64| {
+        let share = count as f64 / (count + counters.frames) as f64;
+        let is_told = count >= FEW && share > WARNING_SHARE;
+        let level = if share > PROBLEM_SHARE { Level::Problem } else { Level::Warning };
+        is_told.then_some((level, share * 100.0))
+    };
+    let damaged = counters.crc_errors + counters.malformed;
+    let mut findings = Vec::new();
+    if let Some((level, percent)) = level(damaged) {
+        let text = format!("{damaged} frames ({percent:.1} %) arrived damaged");
+        let fix = "shorten the cable, join the grounds, keep it away from the motors' wires, or use a lower baud rate";
+        findings.push(Finding::new(level, "line.damaged", text, fix));
+    }
+    // What is damaged is missing too.
+    let lost = counters.lost_frames.saturating_sub(damaged);
+    if let Some((level, percent)) = level(lost) {
+        let text = format!("{lost} frames ({percent:.1} %) are missing");
+        let fix = "plug the board in without a hub, set [board] encoder_period_ms higher, and look for a busy computer";
+        findings.push(Finding::new(level, "line.lost", text, fix));
+    }
+    if findings.is_empty() {
+        findings.push(Finding::ok(
+            "line.frames",
+            format!("{} frames, {damaged} damaged, {} missing", counters.frames, counters.lost_frames),
+        ));
+    }
+    let unknown = counters.unknown + counters.refused;
+    if unknown > 0 {
+        let text = format!("{unknown} messages could not be understood");
+        findings.push(Finding::new(
+            Level::Warning,
+            "line.unknown",
+            text,
+            "update slamd and the firmware to one version",
+        ));
+    }
+    findings
+}
+
+fn restarts(count: u64) -> Option<Finding> {
+    let level = match count {
+        0 => return None,
+        1 => Level::Warning,
+        _ => Level::Problem,
+    };
+    let times = if count == 1 { "once".into() } else { format!("{count} times") };
+    Some(Finding::new(
+        level,
+        "line.restarts",
+        format!("the board restarted {times}"),
+        "its supply breaks down, or its cable is loose: feed sensors and motors from their own supply",
+    ))
+}

@@ -1,0 +1,72 @@
+//! The robot's first heading in the building, from its first sweeps, together with its wheels.
+//!
+//! While the first sweeps gather, the robot moves, and it does so on wheels that nobody has measured yet: one percent between them turns
+//! it by two degrees per metre. An axis found as if they were right is the axis of the middle of the drive, not of its start. So the
+//! wheels are searched along with the axis: the right ones lay all returns of a wall onto one line, and the votes of the
+//! Hough transform ([`super::axis`]) gather best.
+
+use super::axis::{Axis, AxisFinder};
+use crate::geometry::Pose2;
+use crate::sweep::Sweep;
+
+/// One standard deviation of the wheel ratio and of the wheel base as configured, relative.
+const RATIO_SIGMA: f64 = 0.012;
+const BASE_SIGMA: f64 = 0.025;
+/// Logarithm of the votes' strength that a deviation of one sigma must gain twice over.
+const PRIOR: f64 = 0.02;
+/// The search looks this many sigmas around the best so far: first far, then between.
+const ROUNDS: [f64; 4] = [1.5, 1.0, 0.5, 0.25];
+/// More returns than this are thinned by whole sweeps.
+const MOST_RETURNS: usize = 1_600;
+
+/// The wheels' deviation from the configuration in standard deviations: ratio and base.
+type Deviation = [f64; 2];
+
+/// The building's axis in the frame of the robot at the first of `sweeps`; none without returns.
+///
+/// `finder` is left holding the returns of the last try.
+pub fn find(finder: &mut AxisFinder, sweeps: &[Sweep], wheel_base_m: f64) -> Option<Axis> {
+    let mut best = attempt(finder, sweeps, wheel_base_m, [0.0; 2])?;
+    for reach in ROUNDS {
+        let [ratio, base] = best.deviation;
+        for (i, j) in [-1.0, 0.0, 1.0].into_iter().flat_map(|i| [-1.0, 0.0, 1.0].map(|j| (i, j))) {
+            if (i, j) == (0.0, 0.0) {
+                continue;
+            }
+            let deviation = [ratio + i * reach, base + j * reach];
+            if let Some(other) = attempt(finder, sweeps, wheel_base_m, deviation)
+                && other.worth > best.worth
+            {
+                best = other;
+            }
+        }
+    }
+    Some(best.axis)
+}
+
+/// What a pair of wheels makes of the returns.
+struct Attempt {
+    deviation: Deviation,
+    axis: Axis,
+    worth: f64,
+}
+
+fn attempt(finder: &mut AxisFinder, sweeps: &[Sweep], wheel_base_m: f64, deviation: Deviation) -> Option<Attempt> {
+    let [ratio, base] = [deviation[0] * RATIO_SIGMA, deviation[1] * BASE_SIGMA];
+    let returns: usize = sweeps.iter().map(|sweep| sweep.beams.len()).sum();
+    let stride = returns.div_ceil(MOST_RETURNS).max(1);
+    finder.clear();
+    let mut pose = Pose2::default();
+    for (place, sweep) in sweeps.iter().enumerate() {
+        if place > 0 {
+            let [left_m, right_m] = [sweep.left_m * (1.0 - 0.5 * ratio), sweep.right_m * (1.0 + 0.5 * ratio)];
+            pose = pose.rolled(left_m, right_m, wheel_base_m * (1.0 + base));
+        }
+        if place.is_multiple_of(stride) {
+            sweep.beams.iter().for_each(|beam| finder.add(pose, beam));
+        }
+    }
+    let axis = finder.find()?;
+    let prior = 0.5 * (deviation[0] * deviation[0] + deviation[1] * deviation[1]);
+    Some(Attempt { deviation, worth: libm::log(axis.strength) - PRIOR * prior, axis })
+}
