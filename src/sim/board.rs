@@ -27,6 +27,8 @@ pub struct Board {
     rate: f64,
     frames: u32,
     is_streaming: bool,
+    /// The host has said something since the board's start.
+    is_greeted: bool,
     settings: [i32; Setting::ALL.len()],
     /// Encoder counts at the start of the board.
     ticks_at_boot: [i32; 2],
@@ -46,6 +48,7 @@ impl Board {
             rate: 1.0 + drift_ppm * 1e-6 * random.sign(),
             frames: 0,
             is_streaming: false,
+            is_greeted: false,
             settings: settings(&ring),
             ticks_at_boot: [0; 2],
             ring,
@@ -59,7 +62,7 @@ impl Board {
         self.boot_id = u32::from_le_bytes(self.random.bits().to_le_bytes()[..4].try_into().unwrap_or_default());
         self.boot_us = (self.random.bits() & 0xFFFF_FFFF).wrapping_sub((at.us() as f64 * self.rate) as u64);
         self.ticks_at_boot = ticks;
-        self.is_streaming = false;
+        (self.is_streaming, self.is_greeted) = (false, false);
         (self.decoder, self.encoder, self.frames) = (FrameDecoder::new(), FrameEncoder::default(), 0);
         self.hello()
     }
@@ -76,6 +79,12 @@ impl Board {
         self.is_streaming
     }
 
+    /// True once the host has said something: until then the board goes on saying hello.
+    #[must_use]
+    pub fn is_greeted(&self) -> bool {
+        self.is_greeted
+    }
+
     /// The board's 32-bit clock.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the low 32 bits are meant")]
@@ -90,6 +99,7 @@ impl Board {
             let Some(frame) = self.decoder.push(byte) else { continue };
             let (of_type, of_seq) = (frame.kind, frame.seq);
             let Ok(message) = Message::parse(frame.kind, frame.payload) else { continue };
+            self.is_greeted = true;
             let result = match message {
                 Message::HelloRequest { .. } => {
                     answers.push(self.hello());

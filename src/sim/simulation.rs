@@ -47,6 +47,9 @@ const GROUPS: u8 = 4;
 /// Every so many microseconds the encoders are sent, and the status.
 const ENCODER_US: u64 = 20_000;
 const STATUS_US: u64 = 1_000_000;
+/// The board boots this long, and says hello this often until the host answers.
+const BOOT: Timestamp = Timestamp::from_us(100_000);
+const HELLO_US: u64 = 100_000;
 /// The driver decides this often.
 const COMMAND_US: u64 = 50_000;
 /// Speed of sound for the sensor's motion during the flight; a degree more or less does not matter here.
@@ -100,7 +103,7 @@ impl Simulation {
             world: config.world,
         };
         let hello = simulation.board.hello();
-        simulation.link.send(Timestamp::from_us(100_000), &hello);
+        simulation.link.send(BOOT, &hello);
         simulation
     }
 
@@ -151,6 +154,10 @@ impl Simulation {
         let at = Timestamp::from_us(self.now_us);
         if let Some((_, frame)) = self.ready.take_if(|(due_us, _)| *due_us <= at.us()) {
             self.link.send(at, &frame);
+        }
+        if !self.board.is_greeted() && at > BOOT && at.us().is_multiple_of(HELLO_US) {
+            let hello = self.board.hello();
+            self.link.send(at, &hello);
         }
         if self.board.is_streaming() {
             let since_us = at.us() - *self.streaming_since_us.get_or_insert_with(|| at.us());

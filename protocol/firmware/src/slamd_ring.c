@@ -6,6 +6,7 @@
 
 #define SENSORS_MAX 32
 #define TRIGGER_LINES 8
+#define HELLO_US 100000UL /* between two greetings while nobody answers */
 #define MUTE_CYCLES 8 /* pings without any answer before a sensor is reported */
 
 /* Non-volatile: the boot counter, the settings, their checksum. */
@@ -28,8 +29,8 @@ static uint8_t store_at;
 static int32_t settings[SLAMD_SETTING_COUNT];
 static uint32_t frames, overruns, boot_id;
 static uint8_t seq;
-static bool streaming;
-static uint32_t status_us, encoder_us;
+static bool streaming, greeted;
+static uint32_t status_us, encoder_us, hello_us;
 
 static bool pinging;
 static uint8_t group;
@@ -103,6 +104,7 @@ static void send_hello(void) {
                                 slamd_port_board, SLAMD_FIRMWARE_VERSION};
     slamd_put_hello(&out, seq, &hello);
     send();
+    hello_us = slamd_port_now_us();
 }
 
 static void send_geometry(void) {
@@ -146,6 +148,7 @@ static uint8_t set(uint8_t key, int32_t value) {
 
 static void answer(const struct slamd_request *r, uint32_t rx_us) {
     uint8_t result;
+    greeted = true;
     switch (r->kind) {
     case SLAMD_HELLO_REQUEST: send_hello(); return;
     case SLAMD_GEOMETRY_REQUEST: send_geometry(); return;
@@ -281,6 +284,7 @@ static void fire(void) {
 
 static void report(void) {
     uint32_t now_us = slamd_port_now_us(), period_us = (uint32_t)setting(SLAMD_ENCODER_PERIOD_MS) * 1000;
+    if (!greeted && now_us - hello_us >= HELLO_US) send_hello();
     if (!streaming) return;
     if (now_us - encoder_us >= period_us) {
         int32_t wheels[2];
