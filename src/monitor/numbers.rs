@@ -46,10 +46,10 @@ fn pose(snapshot: &Snapshot, look: Look) -> Vec<Line<'static>> {
         return ["x", "y", "heading"].map(|name| value(name, "not known yet".into(), look)).into();
     };
     let sigma = |axis: usize| libm::sqrt(estimate.covariance[(axis, axis)].max(0.0));
-    let metres = |m: f64, axis| format!("{m:8.3} {} {:.3} m", look.plus_minus(), sigma(axis));
+    let metres = |m: f64, axis| format!("{m:7.3} {} {:.3} m", look.plus_minus(), sigma(axis));
     let (pose, unit) = (estimate.pose, look.degree());
     let heading =
-        format!("{:6.1} {} {:.1}{unit}", pose.theta_rad.to_degrees(), look.plus_minus(), sigma(2).to_degrees());
+        format!("{:5.1} {} {:.1}{unit}", pose.theta_rad.to_degrees(), look.plus_minus(), sigma(2).to_degrees());
     vec![value("x", metres(pose.x_m, 0), look), value("y", metres(pose.y_m, 1), look), value("heading", heading, look)]
 }
 
