@@ -7,7 +7,7 @@ mod mock_port;
 
 use mock_port::{Board, Device, Plugged};
 use rustix::pty::{OpenptFlags, grantpt, ioctl_tiocgptpeer, openpt, unlockpt};
-use rustix::termios::{LocalModes, Winsize, tcgetattr, tcsetwinsize};
+use rustix::termios::{Action, LocalModes, Winsize, tcflow, tcgetattr, tcsetwinsize};
 use std::fs::File;
 use std::io::{Read as _, Write as _};
 use std::path::Path;
@@ -195,6 +195,31 @@ fn a_terminated_monitor_gives_the_terminal_back() {
     watched.signal("-TERM");
     assert!(watched.end().success());
     watched.assert_given_back();
+}
+
+#[test]
+#[expect(clippy::disallowed_methods, reason = "the test waits in real time")]
+fn a_terminal_that_takes_nothing_holds_nothing_up() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut watched = Watched::start(&["--capture", CAPTURE, "--speed", "20"], folder.path());
+    watched.expect("playing");
+    // As Ctrl-S does, or a connection that stalls.
+    let peer = ioctl_tiocgptpeer(&watched.master, OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+    tcflow(&peer, Action::OOff).unwrap();
+    std::thread::sleep(Duration::from_millis(50));
+    watched.read();
+    let written = watched.written.len();
+    let size = || std::fs::metadata(folder.path().join("trajectory.tum.part")).map_or(0, |file| file.len());
+    let (before, end) = (size(), Instant::now() + Duration::from_secs(30));
+    while size() < before + 10_000 {
+        assert!(Instant::now() < end, "the session stands still");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    watched.read();
+    assert_eq!(watched.written.len(), written, "it took something");
+    watched.signal("-TERM");
+    assert!(watched.end().success());
+    assert!(folder.path().join("summary.json").exists());
 }
 
 #[test]

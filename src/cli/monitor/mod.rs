@@ -16,7 +16,7 @@ use log::Log;
 use sampler::Sampler;
 use screen::Screen;
 use std::io::IsTerminal as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tokio::runtime::Runtime;
 use tokio::signal::unix::{SignalKind, signal};
@@ -67,24 +67,30 @@ impl MonitorArgs {
 
     fn watch(&self, port: &PortName, log: Log, runtime: &Runtime, mut shutdown: Shutdown) -> Result<(), Failure> {
         let config = self.output.configuration(Config::default())?;
-        let screen = self.screen(log, &shutdown)?;
+        let mut screen = self.screen(log, &shutdown)?;
         let mut sampler = Sampler::new(&config, screen.slot());
         let end = self.live.drive(port, config, &self.output, (runtime, &mut shutdown), &mut |link, session| {
             sampler.sample(session, || Line::new(link.state(), link.cause()));
         });
-        // What is said from here on is for the terminal as it was.
-        drop(screen);
-        end?.map_or(Ok(()), |end| end.report(&self.output))
+        // What is said from here on is for the terminal as it was; to one that takes nothing, nothing is said.
+        match end {
+            _ if !screen.close() => Ok(()),
+            Ok(Some(end)) => end.report(&self.output),
+            Ok(None) => Ok(()),
+            Err(failure) => Err(failure),
+        }
     }
 
-    fn play(&self, file: &PathBuf, log: Log, runtime: &Runtime, mut shutdown: Shutdown) -> Result<(), Failure> {
+    fn play(&self, file: &Path, log: Log, runtime: &Runtime, mut shutdown: Shutdown) -> Result<(), Failure> {
         let (mut capture, mut session) = replay::open(file, &self.output)?;
-        let screen = self.screen(log, &shutdown)?;
+        let mut screen = self.screen(log, &shutdown)?;
         let mut sampler = Sampler::new(session.config(), screen.slot());
         let play = play::play(&mut capture, &mut session, self.speed, &mut shutdown, &mut sampler, file);
         let result = runtime.block_on(play);
         let finished = session.finish();
-        drop(screen);
+        if !screen.close() {
+            return Ok(());
+        }
         result?;
         let (summary, faulty) = finished?;
         terminal::report(&summary, &faulty, &self.output.out, self.output.json);

@@ -15,7 +15,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use tokio::sync::Notify;
 
-/// A terminal in use. Dropping it gives the terminal back as it was.
+/// A terminal in use, given back as it was when this is closed or dropped.
 pub(super) struct Screen {
     slot: Slot,
     desk: Arc<Desk>,
@@ -32,7 +32,7 @@ struct Desk {
 
 /// Between two pictures.
 const EVERY: Duration = Duration::from_millis(100);
-/// A terminal that takes nothing, as over a dead connection, is not waited for longer.
+/// A terminal that takes nothing is not waited for longer.
 const PATIENCE: Duration = Duration::from_secs(1);
 const LOOK_AGAIN: Duration = Duration::from_millis(5);
 
@@ -70,23 +70,31 @@ impl Screen {
     pub(super) fn slot(&self) -> Slot {
         Arc::clone(&self.slot)
     }
+
+    /// Gives the terminal back as it was. False where it takes nothing any more, as over a dead connection: whatever is written
+    /// to it waits for ever.
+    #[expect(clippy::disallowed_methods, reason = "a dead terminal is waited for in real time")]
+    pub(super) fn close(&mut self) -> bool {
+        let is_given_back = self.desk.closed.swap(true, Ordering::Relaxed);
+        let begin = Instant::now();
+        let Some(thread) = self.thread.take() else { return true };
+        while !thread.is_finished() {
+            if begin.elapsed() > PATIENCE {
+                return false;
+            }
+            std::thread::sleep(LOOK_AGAIN);
+        }
+        let _ = thread.join();
+        if !is_given_back {
+            give_back();
+        }
+        true
+    }
 }
 
 impl Drop for Screen {
-    #[expect(clippy::disallowed_methods, reason = "a dead terminal is waited for in real time")]
     fn drop(&mut self) {
-        let is_given_back = self.desk.closed.swap(true, Ordering::Relaxed);
-        let begin = Instant::now();
-        let Some(thread) = self.thread.take() else { return };
-        while !thread.is_finished() && begin.elapsed() < PATIENCE {
-            std::thread::sleep(LOOK_AGAIN);
-        }
-        if thread.is_finished() {
-            let _ = thread.join();
-            if !is_given_back {
-                give_back();
-            }
-        }
+        self.close();
     }
 }
 
