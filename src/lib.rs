@@ -42,6 +42,8 @@ pub mod cli;
 #[cfg(feature = "daemon")]
 pub mod daemon;
 #[cfg(feature = "daemon")]
+pub mod monitor;
+#[cfg(feature = "daemon")]
 pub mod port;
 #[cfg(feature = "daemon")]
 pub mod recorder;

@@ -137,6 +137,12 @@ impl Pipeline {
         self.aligner.ring()
     }
 
+    /// The last sweep, once the ring is known.
+    #[must_use]
+    pub fn sweep(&self) -> Option<&Sweep> {
+        self.aligner.sweep()
+    }
+
     /// Each sensor's state, by id.
     #[must_use]
     pub fn states(&self) -> &[SensorState] {

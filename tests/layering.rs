@@ -46,6 +46,7 @@ const TABLE: &[(&str, &[&str], bool)] = &[
         false,
     ),
     ("doctor", &["protocol", "time", "geometry", "event", "config", "align", "board", "link", "pipeline"], false),
+    ("monitor", &["time", "geometry", "event", "link", "mapping"], false),
     ("capture", &["time", "geometry"], true),
     ("sim", &["protocol", "time", "geometry", "config", "capture"], true),
     ("import", &["protocol", "time", "geometry", "config", "capture"], true),

@@ -4,6 +4,7 @@ mod doctor;
 mod failure;
 mod import;
 mod inspect;
+mod monitor;
 mod ports;
 mod replay;
 mod run;
@@ -35,6 +36,7 @@ struct Cli {
 enum Command {
     /// Map with a robot on a serial port (the same as without a command).
     Run(run::RunArgs),
+    Monitor(monitor::MonitorArgs),
     /// Run a recorded or simulated session again, as fast as it goes.
     Replay(replay::ReplayArgs),
     /// Drive a simulated robot, into a capture or on a pseudo-terminal.
@@ -106,15 +108,18 @@ pub fn main() -> ExitCode {
             return ExitCode::from(code);
         }
     };
-    let filter = tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "info".into());
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal())
-        .with_target(false)
-        .init();
+    // The monitor has the screen for itself, and its log in a part of it.
+    if !matches!(cli.command, Command::Monitor(_)) {
+        tracing_subscriber::fmt()
+            .with_env_filter(log_filter())
+            .with_writer(std::io::stderr)
+            .with_ansi(std::io::stderr().is_terminal())
+            .with_target(false)
+            .init();
+    }
     let result = match cli.command {
         Command::Run(args) => args.run(),
+        Command::Monitor(args) => args.run(),
         Command::Replay(args) => args.run(),
         Command::Simulate(args) => args.run(),
         Command::Import(args) => args.run().map_err(Failure::from),
@@ -129,6 +134,11 @@ pub fn main() -> ExitCode {
             ExitCode::from(failure.kind as u8)
         }
     }
+}
+
+/// What is logged: as `RUST_LOG` says.
+fn log_filter() -> tracing_subscriber::EnvFilter {
+    tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "info".into())
 }
 
 /// A length of time.
