@@ -2,6 +2,8 @@
 
 mod accuracy;
 mod faults;
+mod map_quality;
 
 pub use accuracy::{Accuracy, AccuracyMeter};
 pub use faults::{FaultMeter, FaultScore, TrueFault};
+pub use map_quality::{MapMeter, MapQuality, Wall};
