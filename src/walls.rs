@@ -57,7 +57,7 @@ const CHECK_RAD: f64 = 6.0 * std::f64::consts::PI / 180.0;
 const CLEARING_SWEEPS: u64 = 4;
 /// A return is a known wall's when it lies on its line up to this, at most so far beyond where the wall has been seen, metres.
 const ON_LINE_M: f64 = 0.06;
-const EXTENDED_M: f64 = 0.6;
+const EXTENDED_M: f64 = 1.0;
 
 impl Walls {
     /// The method for a robot and its ring.
@@ -208,10 +208,10 @@ impl Walls {
 fn heard_wall(tracker: &Tracker, pose: Pose2, beam: &Beam) -> Option<(Point, Facing)> {
     let sighting = sight(pose, beam)?;
     let off_m = |(index, _): &(usize, &Wall)| (tracker.filter.offset_m(*index) - sighting.offset_m()).abs();
+    // Heard squarely beyond its end it would be the end itself, somewhere in the cone.
+    let beyond_m = if sighting.oblique_rad > 0.0 { EXTENDED_M } else { 0.0 };
     let walls = tracker.walls().iter().enumerate().filter(|(_, wall)| {
-        wall.side == sighting.side
-            && wall.lo_m - EXTENDED_M < sighting.along_m
-            && sighting.along_m < wall.hi_m + EXTENDED_M
+        wall.side == sighting.side && (wall.lo_m - beyond_m..wall.hi_m + beyond_m).contains(&sighting.along_m)
     });
     let nearest = walls.min_by(|a, b| off_m(a).total_cmp(&off_m(b))).filter(|wall| off_m(wall) < ON_LINE_M)?;
     let facing = if sighting.side.axis() == 0 { Facing::X } else { Facing::Y };

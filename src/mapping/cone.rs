@@ -30,8 +30,9 @@ pub enum Target {
 const FREE: i16 = -12;
 const FREE_UNHEARD: i16 = -4;
 const CONTRADICTED: i16 = -12;
-const WALL: i16 = 40;
-const WALL_BESIDE: i16 = 20;
+const WALL_CONTRADICTED: i16 = -60;
+const WALL: i16 = 28;
+const WALL_BESIDE: i16 = 14;
 const KNOWN: i16 = 30;
 const ARC_TOTAL: f64 = 60.0;
 const OPAQUE: i16 = 120;
@@ -170,14 +171,13 @@ impl Fan {
         while distance_m < self.reach_m {
             let cell = grid.cell(Point::new(self.origin.x + distance_m * cos, self.origin.y + distance_m * sin));
             if grid.clear(cell, free, OPAQUE) {
-                let is_mirror = match grid.facing(cell) {
-                    Some(Facing::X) => sin.abs() > SIN_MIRROR,
-                    Some(Facing::Y) => cos.abs() > SIN_MIRROR,
-                    None => false,
+                let against = match grid.facing(cell) {
+                    Some(Facing::X) if sin.abs() > SIN_MIRROR => 0,
+                    Some(Facing::Y) if cos.abs() > SIN_MIRROR => 0,
+                    Some(_) => WALL_CONTRADICTED,
+                    None => CONTRADICTED,
                 };
-                if !is_mirror {
-                    grid.add(cell, CONTRADICTED);
-                }
+                grid.add(cell, against);
                 return distance_m;
             }
             distance_m += step_m;
@@ -196,7 +196,7 @@ mod tests {
     fn a_wall_is_marked_and_the_way_to_it_cleared() {
         let mut grid = OccupancyGrid::new(0.05);
         let point = Point::new(1.52, 0.02);
-        for _ in 0..8 {
+        for _ in 0..16 {
             draw(&mut grid, HERE, 0.2, 1.5, Target::Wall(point, Facing::X));
         }
         assert!(grid.log_odds(grid.cell(point)) > 300);

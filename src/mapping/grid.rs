@@ -56,6 +56,7 @@ struct Tile {
 #[derive(Clone, Debug)]
 pub struct OccupancyGrid {
     cell_m: f64,
+    cells_per_m: f64,
     tiles: Vec<Tile>,
     places: HashMap<(i32, i32), usize>,
     recent: Option<((i32, i32), usize)>,
@@ -67,7 +68,15 @@ impl OccupancyGrid {
     /// An empty grid with cells of `cell_m` metres.
     #[must_use]
     pub fn new(cell_m: f64) -> Self {
-        Self { cell_m, tiles: Vec::new(), places: HashMap::new(), recent: None, refused: 0, revision: 0 }
+        Self {
+            cell_m,
+            cells_per_m: cell_m.recip(),
+            tiles: Vec::new(),
+            places: HashMap::new(),
+            recent: None,
+            refused: 0,
+            revision: 0,
+        }
     }
 
     /// Side of a cell, metres.
@@ -84,9 +93,15 @@ impl OccupancyGrid {
 
     /// The cell that holds a point; points beyond 10⁸ cells share the outermost.
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, reason = "clamped")]
+    #[expect(clippy::cast_possible_truncation, reason = "saturates, and is then clamped")]
     pub fn cell(&self, point: Point) -> Cell {
-        let place = |coordinate_m: f64| libm::floor(coordinate_m / self.cell_m).clamp(-1e8, 1e8) as i32;
+        const FARTHEST: i32 = 100_000_000;
+        let place = |coordinate_m: f64| {
+            let cells = coordinate_m * self.cells_per_m;
+            let whole = (cells as i32).clamp(-FARTHEST, FARTHEST);
+            // A cast rounds toward zero.
+            whole - i32::from(f64::from(whole) > cells)
+        };
         Cell { column: place(point.x), row: place(point.y) }
     }
 
@@ -113,11 +128,13 @@ impl OccupancyGrid {
         }
     }
 
-    /// Adds the negative `hundredths` to a cell that is not above `opaque`; true for one that is.
+    /// Adds the negative `hundredths` to a cell, unless something stands there: a value above `opaque`, or a wall that is known at all.
+    /// True where something does.
     pub fn clear(&mut self, cell: Cell, hundredths: i16, opaque: i16) -> bool {
+        let (row, bit) = bit_in_tile(cell);
         let Some(tile) = self.tile(cell) else { return false };
         let value = &mut tile.cells[place_in_tile(cell)];
-        if *value > opaque {
+        if *value > opaque || (*value > 0 && tile.facing[row].iter().any(|bits| bits & bit != 0)) {
             return true;
         }
         *value = (*value + hundredths).max(FLOOR);
