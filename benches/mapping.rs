@@ -98,6 +98,7 @@ fn option<'a>(arguments: &'a [String], name: &str, default: &'a str) -> &'a str 
 }
 
 /// Microseconds of drawing one sweep of 32 cones in a room of 4 by 4 m: the least of many batches, one sensor in four clears.
+#[expect(clippy::disallowed_methods, reason = "the time is the result")]
 fn drawing_us() -> f64 {
     let mut grid = OccupancyGrid::new(0.05);
     let mut least_us = f64::INFINITY;

@@ -183,8 +183,8 @@ impl Walls {
         let Some(tracker) = &self.tracker else { return };
         let pose = tracker.filter.pose();
         self.grid.revise();
-        for ((sensor, beam), used) in (0u64..).zip(&sweep.beams).zip(tracker.uses()) {
-            let is_turn = (sweep.index + sensor).is_multiple_of(CLEARING_SWEEPS);
+        for (sensor, (beam, used)) in sweep.beams.iter().zip(tracker.uses()).enumerate() {
+            let is_turn = (sweep.index + sensor as u64).is_multiple_of(CLEARING_SWEEPS);
             let (range_m, target) = match used {
                 Use::Wall(_) | Use::Unexplained => match heard_wall(tracker, pose, beam) {
                     Some((point, facing)) if !is_turn => {
@@ -194,7 +194,7 @@ impl Walls {
                     Some((point, facing)) => (beam.range_m, Target::Wall(point, facing)),
                     None => (beam.range_m, Target::Something),
                 },
-                Use::Unused if is_turn && beam.is_clear() && self.detector.is_trusted(sensor as usize) => {
+                Use::Unused if is_turn && beam.is_clear() && self.detector.is_trusted(sensor) => {
                     (self.max_range_m, Target::Nothing)
                 }
                 Use::Unused => continue,

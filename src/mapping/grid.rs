@@ -253,7 +253,7 @@ const fn place_in_tile(cell: Cell) -> usize {
 }
 
 /// Row and column bit in the tile.
-#[expect(clippy::cast_sign_loss, reason = "Euclidean remainders are not negative")]
+#[allow(clippy::cast_sign_loss, reason = "Euclidean remainders are not negative")]
 const fn bit_in_tile(cell: Cell) -> (usize, u32) {
     (cell.row.rem_euclid(SIDE) as usize, 1 << cell.column.rem_euclid(SIDE))
 }
