@@ -26,7 +26,7 @@ const TABLE: &[(&str, &[&str], bool)] = &[
     ("mapping", &["sweep", "time", "geometry", "config"], false),
     ("walls", ESTIMATORS, false),
     ("paper", ESTIMATORS, false),
-    ("metrics", &["time", "geometry", "event"], false),
+    ("metrics", &["time", "geometry", "event", "mapping"], false),
     (
         "pipeline",
         &[
