@@ -56,6 +56,11 @@ const TABLE: &[(&str, &[&str], bool)] = &[
         &["link", "time", "geometry", "event", "config", "pipeline", "capture", "sim", "publish", "metrics"],
         true,
     ),
+    (
+        "bench",
+        &["time", "geometry", "event", "config", "mapping", "metrics", "pipeline", "capture", "sim", "publish"],
+        true,
+    ),
     ("recorder", &["time", "capture"], true),
     ("port", &[], true),
     ("daemon", EVERYTHING, true),

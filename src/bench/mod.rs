@@ -1,0 +1,6 @@
+//! Evaluation: simulated drives by the hundred, and the paper's experiment; tables and pictures that one command makes again.
+
+pub mod case;
+pub mod fleet;
+pub mod run;
+pub mod table;

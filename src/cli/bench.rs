@@ -1,0 +1,122 @@
+//! `slamd bench`
+
+use super::{Failure, Kind, MethodArg, terminal};
+use crate::bench::case::{Case, Choice, Table};
+use crate::bench::fleet::drive_all;
+use crate::bench::table;
+use crate::config::Method;
+use clap::{Args, Subcommand, ValueEnum};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::path::PathBuf;
+
+#[derive(Debug, Args)]
+pub(super) struct BenchArgs {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Debug, Subcommand)]
+enum What {
+    /// Accuracy, faults, map, consistency and speed over many simulated drives.
+    Accuracy(AccuracyArgs),
+}
+
+#[derive(Debug, Args)]
+struct AccuracyArgs {
+    /// KEY=VALUE[,VALUE...] of world, beam, faults, sensors, odometry; `all` is every value. Filters the rows of --table; without it,
+    /// every combination is a row. A world may be a TOML file.
+    #[arg(value_name = "KEY=VALUE")]
+    choices: Vec<Choice>,
+    /// A set of rows.
+    #[arg(long)]
+    table: Option<TableArg>,
+    /// The simulations' seeds. Tune on 1-20, report on 101-120.
+    #[arg(long, value_name = "FIRST-LAST", default_value = "101-120", value_parser = seeds)]
+    seeds: Seeds,
+    /// Length of each drive.
+    #[arg(long, value_name = "SECONDS", default_value = "300", value_parser = super::seconds)]
+    seconds: f64,
+    /// How heading, position and map are found.
+    #[arg(long, value_enum, default_value = "walls")]
+    method: MethodArg,
+    /// Write the tables to this Markdown file, too. What follows its line "<!-- by hand -->" stays.
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// A line about each drive, on standard error.
+    #[arg(long, short)]
+    verbose: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum TableArg {
+    /// Three worlds under usual conditions.
+    Usual,
+    /// What the project's targets speak of.
+    Issue,
+    /// Everything with everything: hours.
+    Grid,
+}
+
+#[derive(Clone, Debug)]
+struct Seeds(std::ops::RangeInclusive<u64>);
+
+fn seeds(text: &str) -> Result<Seeds, String> {
+    let (first, last) = text.split_once('-').unwrap_or((text, text));
+    let seed =
+        |text: &str| text.parse().map_err(|_| format!("\"{text}\" is not a seed; give FIRST-LAST such as 101-120"));
+    Ok(Seeds(seed(first)?..=seed(last)?))
+}
+
+impl BenchArgs {
+    pub(super) fn run(self) -> Result<(), Failure> {
+        match self.what {
+            What::Accuracy(args) => args.run(),
+        }
+    }
+}
+
+impl AccuracyArgs {
+    fn run(self) -> Result<(), Failure> {
+        let table = self.table.map(|table| match table {
+            TableArg::Usual => Table::Usual,
+            TableArg::Issue => Table::Issue,
+            TableArg::Grid => Table::Grid,
+        });
+        let method = match self.method {
+            MethodArg::Walls => Method::Walls,
+            MethodArg::Paper => Method::Paper,
+        };
+        let mut cases = Case::rows(table, &self.choices);
+        for case in &mut cases {
+            (case.seconds, case.method) = (self.seconds.max(SHORTEST_S), method);
+        }
+        let seeds: Vec<u64> = self.seeds.0.clone().collect();
+        let bar = bar(cases.len() * seeds.len());
+        let runs = drive_all(&cases, &seeds, |case, run| {
+            if self.verbose {
+                bar.suspend(|| eprintln!("{}", table::run_line(case, run)));
+            }
+            bar.inc(1);
+        });
+        bar.finish_and_clear();
+        let runs = runs.map_err(|error| Failure::new(Kind::NoInput, error))?;
+        let mut text = format!("{}\n", table::ACCURACY_HEAD);
+        for (case, runs) in cases.iter().zip(&runs) {
+            text += &format!("{}\n", table::accuracy_row(case, runs));
+        }
+        text += &format!("\n{}\n", table::FAULT_HEAD);
+        for (case, runs) in cases.iter().zip(&runs) {
+            text += &table::fault_rows(case, runs);
+        }
+        terminal::say(text);
+        Ok(())
+    }
+}
+
+fn bar(drives: usize) -> ProgressBar {
+    let style = ProgressStyle::with_template("{bar:40} {pos} of {len} drives, {eta} left");
+    ProgressBar::new(drives as u64).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+}
+
+/// The board needs time to say what it is.
+const SHORTEST_S: f64 = 10.0;
