@@ -58,7 +58,10 @@ const TABLE: &[(&str, &[&str], bool)] = &[
     ),
     (
         "bench",
-        &["time", "geometry", "event", "config", "mapping", "metrics", "pipeline", "capture", "sim", "publish"],
+        &[
+            "protocol", "time", "geometry", "sweep", "event", "config", "align", "mapping", "metrics", "pipeline",
+            "capture", "sim", "publish",
+        ],
         true,
     ),
     ("recorder", &["time", "capture"], true),

@@ -27,7 +27,7 @@ pub struct Case {
 
 /// The keys of a case and the values that the grid goes through.
 const KEYS: [(&str, &[&str]); 5] = [
-    ("world", &["flat", "office", "furnished", "home"]),
+    ("world", &["flat", "office", "furnished", "home", "room"]),
     ("beam", &["cone", "point"]),
     ("faults", &["none", "paper", "late"]),
     ("sensors", &["8", "16", "24", "32"]),
@@ -222,7 +222,7 @@ mod tests {
 
     #[test]
     fn tables_are_filtered() {
-        assert_eq!(rows(Some(Table::Grid), &[]).len(), 4 * 2 * 3 * 4 * 3);
+        assert_eq!(rows(Some(Table::Grid), &[]).len(), 5 * 2 * 3 * 4 * 3);
         assert_eq!(rows(Some(Table::Usual), &["world=flat"]).len(), 1);
         let slippery = rows(Some(Table::Issue), &["odometry=3"]);
         assert!(slippery.len() == 3 && slippery.iter().all(|row| row.ends_with("odometry=3")), "{slippery:?}");

@@ -2,5 +2,10 @@
 
 pub mod case;
 pub mod fleet;
+pub mod machine;
+pub mod paper;
+pub mod raw;
+pub mod report;
 pub mod run;
 pub mod table;
+pub mod targets;

@@ -66,9 +66,10 @@ pub struct Drive {
     pub pairs: Vec<Pair<Estimate>>,
     /// The pipeline at the end.
     pub pipeline: Pipeline,
+    /// Microseconds of computing for each sweep.
+    pub sweeps_us: Vec<f64>,
     faults: DetectionMeter,
     nis: (f64, f64),
-    sweeps_us: Vec<f64>,
 }
 
 /// Simulates a drive of `case` in `world` and measures it.
@@ -77,7 +78,8 @@ pub struct Drive {
 /// Where not a single sweep came about: a drive of less than about a second.
 #[must_use]
 pub fn run(case: &Case, world: &World, seed: u64) -> Run {
-    let (drive, map) = drive(case, world, seed);
+    let (records, faults) = simulate(case, world, seed);
+    let (drive, map) = follow(case, world, &records, faults);
     let (mut estimate, mut odometry) = (AccuracyMeter::default(), AccuracyMeter::default());
     for pair in &drive.pairs {
         estimate.add(pair.estimate.pose, pair.truth);
@@ -103,9 +105,9 @@ pub fn run(case: &Case, world: &World, seed: u64) -> Run {
     }
 }
 
-/// Simulates a drive and runs the method over it; the meter has seen all that the robot could see.
+/// All that passes between host and board in a drive, with the truth, and the sensors that truly fail.
 #[must_use]
-pub fn drive(case: &Case, world: &World, seed: u64) -> (Drive, MapMeter) {
+pub fn simulate(case: &Case, world: &World, seed: u64) -> (Vec<Record>, Vec<TrueFault>) {
     let simulation = Simulation::new(SimConfig {
         world: world.clone(),
         seed,
@@ -122,19 +124,24 @@ pub fn drive(case: &Case, world: &World, seed: u64) -> (Drive, MapMeter) {
         let text = format!("{}:{}@{}", fault.sensor, fault.kind.word(), fault.from_s);
         text.parse::<TrueFault>().expect("the words of both sides are the same")
     });
+    let faults = faults.collect();
+    (session(simulation).collect(), faults)
+}
+
+/// Runs the method over a drive; the map's meter has seen all that the robot could see.
+#[must_use]
+pub fn follow(case: &Case, world: &World, records: &[Record], faults: Vec<TrueFault>) -> (Drive, MapMeter) {
     let mut drive = Drive {
         pairs: Vec::new(),
         pipeline: Pipeline::new(&Config { method: case.method, ..Config::default() }),
-        faults: DetectionMeter::new(usize::from(case.sensors), faults.collect()),
+        faults: DetectionMeter::new(usize::from(case.sensors), faults),
         nis: (0.0, 0.0),
         sweeps_us: Vec::new(),
     };
     let walls = world.segments.iter().map(|segment| [segment.from, segment.to]).collect();
     let mut map = MapMeter::new(walls, MAX_RANGE_M);
     let mut pairing = Pairing::default();
-    // All of it first, so that the estimator's time is its own.
-    let records: Vec<Record> = session(simulation).collect();
-    let mut rest = records.as_slice();
+    let mut rest = records;
     while !rest.is_empty() {
         rest = drive.next_sweep(rest, &mut map, &mut pairing);
     }

@@ -7,8 +7,8 @@ use std::fmt::Write as _;
 
 /// Head of the table of accuracy; one [`accuracy_row`] per case follows.
 pub const ACCURACY_HEAD: &str = "\
-| world | beam | faults | sensors | odometry | heading RMSE deg, median / p90 | ATE m, median / p90 / worst | lost at end / ever | encoders alone: ATE m, median | map precision / coverage | NIS / NEES | us per sweep, mean / p99 |
-|---|---|---|---|---|---|---|---|---|---|---|---|";
+| world | beam | faults | sensors | odometry | heading RMSE deg, median / p90 | ATE m, median / p90 / worst | lost at end / ever | path m, median | encoders alone: ATE m, median | map precision / coverage | NIS / NEES | us per sweep, mean / p99 |
+|---|---|---|---|---|---|---|---|---|---|---|---|---|";
 
 /// Head of the table of faults; [`fault_rows`] follow.
 pub const FAULT_HEAD: &str = "\
@@ -24,7 +24,7 @@ pub fn accuracy_row(case: &Case, runs: &[Run]) -> String {
     let sweeps_us: Vec<f64> = runs.iter().flat_map(|run| run.sweeps_us.iter().copied()).collect();
     let count = |is: fn(&Run) -> bool| runs.iter().filter(|run| is(run)).count();
     format!(
-        "| {} | {:.2} / {:.2} | {:.3} / {:.3} / {:.3} | {} / {} of {} | {:.2} | {:.2} / {:.2} | {:.2} / {:.2} | {:.0} / {:.0} |",
+        "| {} | {:.2} / {:.2} | {:.3} / {:.3} / {:.3} | {} / {} of {} | {:.0} | {:.2} | {:.2} / {:.2} | {:.2} / {:.2} | {:.0} / {:.0} |",
         conditions(case),
         quantile(&heading_deg, 0.5),
         quantile(&heading_deg, 0.9),
@@ -34,6 +34,7 @@ pub fn accuracy_row(case: &Case, runs: &[Run]) -> String {
         count(Run::is_lost_at_end),
         count(Run::is_ever_lost),
         runs.len(),
+        quantile(&all(|run| run.path_m), 0.5),
         quantile(&all(|run| run.odometry_ate_m), 0.5),
         quantile(&all(|run| run.map.precision.unwrap_or(f64::NAN)), 0.5),
         quantile(&all(|run| run.map.coverage.unwrap_or(f64::NAN)), 0.5),

@@ -3,11 +3,11 @@
 use super::{Failure, Kind, MethodArg, terminal};
 use crate::bench::case::{Case, Choice, Table};
 use crate::bench::fleet::drive_all;
-use crate::bench::table;
+use crate::bench::{paper, report, table};
 use crate::config::Method;
 use clap::{Args, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
 pub(super) struct BenchArgs {
@@ -19,6 +19,18 @@ pub(super) struct BenchArgs {
 enum What {
     /// Accuracy, faults, map, consistency and speed over many simulated drives.
     Accuracy(AccuracyArgs),
+    /// The paper's experiment by its method: figures 1-5, processing time, where it holds and where it breaks.
+    Paper(PaperArgs),
+}
+
+#[derive(Debug, Args)]
+struct PaperArgs {
+    /// Pictures go into this folder, the page into the file of the same name with .md.
+    #[arg(long, value_name = "DIR", default_value = "docs/paper")]
+    out: PathBuf,
+    /// The simulations' seeds of the table; the figures are always of seed 101.
+    #[arg(long, value_name = "FIRST-LAST", default_value = "101-110", value_parser = seeds)]
+    seeds: Seeds,
 }
 
 #[derive(Debug, Args)]
@@ -71,6 +83,7 @@ impl BenchArgs {
     pub(super) fn run(self) -> Result<(), Failure> {
         match self.what {
             What::Accuracy(args) => args.run(),
+            What::Paper(args) => args.run(),
         }
     }
 }
@@ -100,17 +113,46 @@ impl AccuracyArgs {
         });
         bar.finish_and_clear();
         let runs = runs.map_err(|error| Failure::new(Kind::NoInput, error))?;
-        let mut text = format!("{}\n", table::ACCURACY_HEAD);
-        for (case, runs) in cases.iter().zip(&runs) {
-            text += &format!("{}\n", table::accuracy_row(case, runs));
+        if let Some(path) = &self.out {
+            let before = std::fs::read_to_string(path).unwrap_or_default();
+            write(path, report::document(&command(), &cases, &runs, &before).as_bytes())?;
         }
-        text += &format!("\n{}\n", table::FAULT_HEAD);
-        for (case, runs) in cases.iter().zip(&runs) {
-            text += &table::fault_rows(case, runs);
-        }
-        terminal::say(text);
+        terminal::say(report::tables(&cases, &runs));
         Ok(())
     }
+}
+
+impl PaperArgs {
+    fn run(self) -> Result<(), Failure> {
+        let seeds: Vec<u64> = self.seeds.0.clone().collect();
+        let bar = bar(paper::cases().len() * seeds.len());
+        let folder = self.out.file_name().unwrap_or_default().to_string_lossy();
+        let page =
+            paper::page(&seeds, &folder, &command(), || bar.inc(1)).map_err(|error| failure(&self.out, &error))?;
+        bar.finish_and_clear();
+        write(&self.out.with_extension("md"), page.markdown.as_bytes())?;
+        for (name, png) in &page.pictures {
+            write(&self.out.join(name), png)?;
+        }
+        terminal::say(self.out.with_extension("md").display());
+        Ok(())
+    }
+}
+
+/// Writes a file, and the folders above it where they are lacking.
+fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
+    let folder = path.parent().unwrap_or(Path::new("."));
+    std::fs::create_dir_all(folder).and_then(|()| std::fs::write(path, bytes)).map_err(|error| failure(path, &error))
+}
+
+fn failure(path: &Path, error: &std::io::Error) -> Failure {
+    Failure::new(Kind::CantCreate, format!("{}: {error}", path.display()))
+}
+
+/// The command line as it was given, for the head of what it writes.
+fn command() -> String {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    format!("slamd {}", arguments.join(" "))
 }
 
 fn bar(drives: usize) -> ProgressBar {

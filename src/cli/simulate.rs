@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Args)]
 #[command(group(ArgGroup::new("to").required(true).args(["capture", "pty"])))]
 pub(super) struct SimulateArgs {
-    /// flat, office, furnished, home, or a world in a TOML file.
+    /// flat, office, furnished, home, room, or a world in a TOML file.
     #[arg(long, default_value = "flat")]
     world: String,
     /// Every random number comes from it.

@@ -1,4 +1,4 @@
-//! The built-in worlds: `flat`, `office`, `furnished` and `home`.
+//! The built-in worlds: `flat`, `office`, `furnished`, `home` and `room`.
 
 use super::floor_plan::{FloorPlan, Rectangle, box_faces};
 use super::world::World;
@@ -6,7 +6,7 @@ use crate::geometry::Point;
 
 impl World {
     /// The names of the built-in worlds.
-    pub const BUILT_IN: [&'static str; 4] = ["flat", "office", "furnished", "home"];
+    pub const BUILT_IN: [&'static str; 5] = ["flat", "office", "furnished", "home", "room"];
 
     /// The built-in world of that name, if there is one. Its start heading comes from the seed.
     #[must_use]
@@ -16,6 +16,7 @@ impl World {
             "office" => Some(office()),
             "furnished" => Some(furnished()),
             "home" => Some(home()),
+            "room" => Some(room()),
             _ => None,
         }
     }
@@ -135,15 +136,25 @@ fn home() -> World {
     World::new("home", FloorPlan { free: &free, blocks: &blocks }.faces(), Point::new(2.6, 2.2), None)
 }
 
+/// One empty room of 4.8 x 3.4 m: from anywhere in it, most sensors hear a wall within 3 m.
+fn room() -> World {
+    let faces = FloorPlan { free: &[[0.0, 0.0, 4.8, 3.4]], blocks: &[] }.faces();
+    World::new("room", faces, Point::new(1.6, 1.5), None)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn built_in_worlds_have_their_sizes_and_roomy_starts() {
-        for (name, width, height) in
-            [("flat", 10.0, 8.0), ("office", 30.0, 20.0), ("furnished", 8.0, 6.0), ("home", 12.0, 10.0)]
-        {
+        for (name, width, height) in [
+            ("flat", 10.0, 8.0),
+            ("office", 30.0, 20.0),
+            ("furnished", 8.0, 6.0),
+            ("home", 12.0, 10.0),
+            ("room", 4.8, 3.4),
+        ] {
             let world = World::named(name).unwrap();
             let (low, high) = world.bounds();
             assert_eq!((low, high), (Point::origin(), Point::new(width, height)), "{name}");
@@ -158,6 +169,6 @@ mod tests {
             let world = World::named(name).unwrap();
             world.segments.iter().filter(|s| s.normal().x.abs().min(s.normal().y.abs()) > 1e-9).count()
         };
-        assert_eq!(World::BUILT_IN.map(crooked), [0, 0, 12, 0]);
+        assert_eq!(World::BUILT_IN.map(crooked), [0, 0, 12, 0, 0]);
     }
 }
