@@ -22,9 +22,10 @@ pub fn accuracy_row(case: &Case, runs: &[Run]) -> String {
     let heading_deg = all(|run| run.accuracy.heading_rmse_deg);
     let ate_m = all(|run| run.accuracy.ate_m);
     let sweeps_us: Vec<f64> = runs.iter().flat_map(|run| run.sweeps_us.iter().copied()).collect();
+    let median = |values: Vec<f64>| cell(Some(quantile(&values, 0.5)).filter(|value| value.is_finite()), 2);
     let count = |is: fn(&Run) -> bool| runs.iter().filter(|run| is(run)).count();
     format!(
-        "| {} | {:.2} / {:.2} | {:.3} / {:.3} / {:.3} | {} / {} of {} | {:.0} | {:.2} | {:.2} / {:.2} | {:.2} / {:.2} | {:.0} / {:.0} |",
+        "| {} | {:.2} / {:.2} | {:.3} / {:.3} / {:.3} | {} / {} of {} | {:.0} | {:.2} | {} / {} | {} / {} | {:.0} / {:.0} |",
         conditions(case),
         quantile(&heading_deg, 0.5),
         quantile(&heading_deg, 0.9),
@@ -36,10 +37,10 @@ pub fn accuracy_row(case: &Case, runs: &[Run]) -> String {
         runs.len(),
         quantile(&all(|run| run.path_m), 0.5),
         quantile(&all(|run| run.odometry_ate_m), 0.5),
-        quantile(&all(|run| run.map.precision.unwrap_or(f64::NAN)), 0.5),
-        quantile(&all(|run| run.map.coverage.unwrap_or(f64::NAN)), 0.5),
-        quantile(&all(|run| run.nis), 0.5),
-        quantile(&all(|run| run.nees), 0.5),
+        median(all(|run| run.map.precision.unwrap_or(f64::NAN))),
+        median(all(|run| run.map.coverage.unwrap_or(f64::NAN))),
+        median(all(|run| run.nis)),
+        median(all(|run| run.nees)),
         mean(&sweeps_us),
         quantile(&sweeps_us, 0.99),
     )

@@ -76,7 +76,8 @@ fn seeds(text: &str) -> Result<Seeds, String> {
     let (first, last) = text.split_once('-').unwrap_or((text, text));
     let seed =
         |text: &str| text.parse().map_err(|_| format!("\"{text}\" is not a seed; give FIRST-LAST such as 101-120"));
-    Ok(Seeds(seed(first)?..=seed(last)?))
+    let seeds = seed(first)?..=seed(last)?;
+    if seeds.is_empty() { Err(format!("\"{text}\" holds no seed")) } else { Ok(Seeds(seeds)) }
 }
 
 impl BenchArgs {

@@ -104,7 +104,7 @@ impl Plot {
         };
         if self.map.is_some() {
             entry(canvas, "wall", Pen::solid(WALL, 5.0));
-            entry(canvas, "free", Pen::solid(FREE, 5.0));
+            entry(canvas, "unknown", Pen::solid(GRID, 5.0));
         }
         if let Some((name, _)) = &self.dots {
             entry(canvas, name, Pen { ink: DOT, width_px: 2.0, dash_px: Some((1.0, 5.0)) });
@@ -183,7 +183,7 @@ fn known(raster: &Raster) -> impl Iterator<Item = (Point, i8)> {
 /// Round numbers between two others, with their words.
 #[expect(clippy::cast_possible_truncation, reason = "a few ticks")]
 fn ticks(low: f64, high: f64) -> impl Iterator<Item = (f64, String)> {
-    let about = (high - low) / 6.0;
+    let about = (high - low) / 9.0;
     let decade = libm::pow(10.0, libm::floor(libm::log10(about)));
     let step = [1.0, 2.0, 5.0, 10.0].map(|part| part * decade).into_iter().find(|step| *step >= about);
     let step = step.unwrap_or(10.0 * decade);
