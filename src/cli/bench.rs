@@ -142,7 +142,7 @@ impl PaperArgs {
 
 /// Writes a file, and the folders above it where they are lacking.
 fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    let folder = path.parent().unwrap_or(Path::new("."));
+    let folder = path.parent().unwrap_or_else(|| Path::new("."));
     std::fs::create_dir_all(folder).and_then(|()| std::fs::write(path, bytes)).map_err(|error| failure(path, &error))
 }
 

@@ -39,20 +39,24 @@ pub fn relative_error(pairs: &[(Pose2, Pose2)], step: usize) -> Option<RelativeE
 mod tests {
     use super::*;
 
-    #[test]
-    fn an_error_counts_once_where_it_happens() {
+    /// Nine poses in a frame of their own, the last four moved by `jump`, beside the truth; in steps of two.
+    fn with(jump: Pose2) -> RelativeError {
         let frame = Pose2::new(3.0, 1.0, 0.8);
-        let jump = Pose2::new(0.3, 0.4, 0.1);
-        let pairs: Vec<(Pose2, Pose2)> = (0..9)
-            .map(|i| {
-                let truth = Pose2::new(f64::from(i), 0.0, 0.0);
-                (if i < 5 { frame * truth } else { frame * truth * jump }, truth)
-            })
-            .collect();
-        // Four spans of two poses, one of them with the jump.
-        let error = relative_error(&pairs, 2).unwrap();
-        assert!((error.translation_rmse_m - 0.25).abs() < 1e-9, "{error:?}");
-        assert!((error.rotation_rmse_deg - 0.05_f64.to_degrees()).abs() < 1e-9, "{error:?}");
+        let pair = |i: i32| {
+            let truth = Pose2::new(f64::from(i), 0.0, 0.0);
+            (if i < 5 { frame * truth } else { frame * truth * jump }, truth)
+        };
+        relative_error(&(0..9).map(pair).collect::<Vec<_>>(), 2).unwrap()
+    }
+
+    #[test]
+    fn a_jump_counts_in_one_of_four_steps() {
+        let moved = with(Pose2::new(0.3, 0.4, 0.0));
+        assert!((moved.translation_rmse_m - 0.25).abs() < 1e-9 && moved.rotation_rmse_deg < 1e-9, "{moved:?}");
+        let turned = with(Pose2::new(0.0, 0.0, 0.1));
+        assert!((turned.rotation_rmse_deg - 0.05_f64.to_degrees()).abs() < 1e-9, "{turned:?}");
+        // The last step of 2 m goes 0.1 rad off: a chord of 4 sin 0.05.
+        assert!((turned.translation_rmse_m - 2.0 * libm::sin(0.05)).abs() < 1e-9, "{turned:?}");
     }
 
     #[test]

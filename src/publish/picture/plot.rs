@@ -60,14 +60,14 @@ impl Plot {
 
     /// Lowest and highest x and y of everything, and a little room round it.
     fn bounds(&self) -> (Point, Point) {
-        let cells = self.map.iter().flat_map(|raster| known(raster)).map(|(corner, _)| corner);
+        let cells = self.map.iter().flat_map(known).map(|(corner, _)| corner);
         let dots = self.dots.iter().flat_map(|(_, dots)| dots.iter().copied());
         let curves = self.curves.iter().flat_map(|curve| curve.points.iter().copied());
         let bounds = cells.chain(dots).chain(curves).fold(None, |bounds: Option<(Point, Point)>, p| {
             let (low, high) = bounds.unwrap_or((p, p));
             Some((Point::new(low.x.min(p.x), low.y.min(p.y)), Point::new(high.x.max(p.x), high.y.max(p.y))))
         });
-        let (low, high) = bounds.unwrap_or((Point::origin(), Point::new(1.0, 1.0)));
+        let (low, high) = bounds.unwrap_or_else(|| (Point::origin(), Point::new(1.0, 1.0)));
         let room = |low: f64, high: f64| (ROOM * (high - low)).max(1e-3);
         let (x, y) = (room(low.x, high.x), room(low.y, high.y));
         (Point::new(low.x - x, low.y - y), Point::new(high.x + x, high.y + y))
@@ -221,8 +221,8 @@ mod tests {
     fn ticks_are_round_and_inside() {
         let words = |low, high| ticks(low, high).map(|tick| tick.1).collect::<Vec<String>>();
         assert_eq!(words(-0.1, 10.3), ["0", "2", "4", "6", "8", "10"]);
-        assert_eq!(words(0.0, 0.31), ["0.0", "0.1", "0.2", "0.3"]);
-        assert_eq!(words(-210.0, 95.0), ["-200", "-100", "0"]);
+        assert_eq!(words(0.0, 0.31), ["0.00", "0.05", "0.10", "0.15", "0.20", "0.25", "0.30"]);
+        assert_eq!(words(-210.0, 95.0), ["-200", "-150", "-100", "-50", "0", "50"]);
     }
 
     #[test]
