@@ -162,6 +162,16 @@ impl Pipeline {
         }
     }
 
+    /// Normalised innovation squared of the last sweep, per wall seen: 1 on the mean for a consistent filter. NaN where it saw no wall;
+    /// the paper's method has none.
+    #[must_use]
+    pub fn nis(&self) -> f64 {
+        match &self.estimator {
+            Some(Estimator::Walls(walls)) => walls.nis(),
+            _ => f64::NAN,
+        }
+    }
+
     /// The board as far as it is known.
     #[must_use]
     pub fn board(&self) -> &Board {

@@ -104,6 +104,12 @@ impl Walls {
         self.tracker.as_ref().map_or(nominal, |tracker| tracker.filter.calibration())
     }
 
+    /// Normalised innovation squared of the last sweep, per wall seen; NaN where it saw none.
+    #[must_use]
+    pub fn nis(&self) -> f64 {
+        self.tracker.as_ref().map_or(f64::NAN, Tracker::nis)
+    }
+
     /// Gathers the first sweeps until they agree on the building's axis, then uses them all.
     fn seek(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
         self.waiting.push(sweep.clone());

@@ -57,6 +57,14 @@ const TABLE: &[(&str, &[&str], bool)] = &[
         &["link", "time", "geometry", "event", "config", "pipeline", "capture", "sim", "publish", "metrics"],
         true,
     ),
+    (
+        "bench",
+        &[
+            "protocol", "time", "geometry", "sweep", "event", "config", "align", "mapping", "metrics", "pipeline",
+            "capture", "sim", "publish",
+        ],
+        true,
+    ),
     ("recorder", &["time", "capture"], true),
     ("port", &[], true),
     ("daemon", EVERYTHING, true),

@@ -1,5 +1,6 @@
 //! The command line.
 
+mod bench;
 mod doctor;
 mod failure;
 mod import;
@@ -48,6 +49,8 @@ enum Command {
     /// List the serial ports and who holds them.
     Ports(ports::PortsArgs),
     Doctor(doctor::DoctorArgs),
+    /// Evaluate: tables and pictures over simulated drives.
+    Bench(bench::BenchArgs),
 }
 
 /// Where results go and how they are made; the same for a robot and for a replay.
@@ -126,6 +129,7 @@ pub fn main() -> ExitCode {
         Command::Inspect(args) => args.run().map_err(Failure::from),
         Command::Ports(args) => args.run(),
         Command::Doctor(args) => args.run(),
+        Command::Bench(args) => args.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
