@@ -47,10 +47,10 @@ fn run(case: &Case, method: Method, seed: u64, duration_s: f64) -> Run {
         clock_drift_ppm: 300.0,
         link: LinkFaults::default(),
     });
-    let truth = simulation.faults().iter().map(|fault| {
-        let text = format!("{}:{}@{}", fault.sensor, fault.kind.word(), fault.from_s);
-        text.parse::<TrueFault>().expect("the words of both sides are the same")
-    });
+    let truth = simulation
+        .faults()
+        .iter()
+        .map(|fault| fault.to_string().parse::<TrueFault>().expect("the words of both sides are the same"));
     let mut faults = FaultMeter::new(truth.collect());
     let mut pipeline = Pipeline::new(&Config { method, ..Config::default() });
     let mut meter = AccuracyMeter::default();
@@ -66,7 +66,7 @@ fn run(case: &Case, method: Method, seed: u64, duration_s: f64) -> Run {
                     meter.estimate(estimate.at, estimate.pose);
                     faults.estimate(estimate.at);
                 }
-                Output::Event(Event::Fault(event)) => faults.state(event.sensor, event.state),
+                Output::Event(Event::Fault(event)) => faults.fault(&event),
                 _ => {}
             }
         }

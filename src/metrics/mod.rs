@@ -4,4 +4,4 @@ mod accuracy;
 mod faults;
 
 pub use accuracy::{Accuracy, AccuracyMeter};
-pub use faults::{FaultMeter, FaultScore, TrueFault};
+pub use faults::{FaultMeter, FaultScore, Tally, TrueFault};
