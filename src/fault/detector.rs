@@ -8,7 +8,7 @@ use super::pca::{PcaBlock, trust};
 use super::suspicion::{Evidence, Suspicion};
 use crate::event::{Event, FaultEvent, SensorState};
 use crate::geometry::Ring;
-use crate::sweep::{NoMeasurement, Sweep};
+use crate::sweep::{Beam, NoMeasurement, Sweep};
 
 /// Watches all sensors.
 #[derive(Clone, Debug)]
@@ -18,15 +18,24 @@ pub struct Detector {
     sensors: Vec<Suspicion>,
     states: Vec<SensorState>,
     last_m: Vec<f64>,
+    /// True once a wheel has turned: a robot whose wheels tell nothing is believed to drive when its readings change.
+    has_wheels: bool,
     max_range_m: f64,
 }
 
-/// The variation from which on a sensor loses its say in the first component.
-const CALM_M2: f64 = 0.01;
+/// The variation from which on a sensor loses its say in the first component. Squared, the say of a wild sensor shrinks faster than
+/// its variation grows: even one of eight does not become the component and so hide itself.
+const CALM_M2: f64 = 0.002;
 /// A wall nearer to the farthest range than this may well be missed, metres.
 const MARGIN_M: f64 = 0.3;
-/// A turning robot's beams sweep over the walls: wheels that part by one metre count as this many.
-const MOVED_BY_TURN: f64 = 1.7;
+/// Within this part of the farthest range neighbours speak for each other; farther off, walls drop out one by one.
+const SURE_PART: f64 = 0.65;
+/// The wheels' distance that turns are reckoned with here, metres; a guess is good enough.
+const WHEEL_BASE_M: f64 = 0.3;
+/// A turn moves what is this far away, metres.
+const LEVER_M: f64 = 0.5;
+/// Readings change only by the part of the motion that is along their beams.
+const PASSED_WHILE_STIRRED: f64 = 3.0;
 /// A reading's change counts as motion up to this, metres: what jumps farther has looked at something else.
 const MOST_CHANGE_M: f64 = 0.1;
 
@@ -40,6 +49,7 @@ impl Detector {
             sensors: vec![Suspicion::default(); ring.len()],
             states: vec![SensorState::Healthy; ring.len()],
             last_m: vec![f64::NAN; ring.len()],
+            has_wheels: false,
             max_range_m,
         }
     }
@@ -60,22 +70,28 @@ impl Detector {
     pub fn inspect(&mut self, sweep: &Sweep, expected_m: impl Fn(usize) -> Option<f64>, events: &mut Vec<Event>) {
         let has_residuals = self.pca.push(sweep);
         if has_residuals {
-            self.pca.analyse(|_, variation_m2| trust(variation_m2, CALM_M2));
+            self.pca.analyse(|_, variation_m2| trust(variation_m2, CALM_M2).powi(2));
         }
-        let moved_m = self.moved_m(sweep);
+        self.has_wheels |= sweep.left_m != 0.0 || sweep.right_m != 0.0;
+        let stirred_m = if self.has_wheels { 0.0 } else { self.stirred_m(sweep) };
+        let moved_m = 0.5 * (sweep.left_m + sweep.right_m).abs() + LEVER_M * turn_rad(sweep).abs();
         for (sensor, beam) in sweep.beams.iter().enumerate().take(self.sensors.len()) {
             if beam.no_measurement == Some(NoMeasurement::Lost) {
                 continue;
             }
             let is_near = |range_m: &f64| *range_m < self.max_range_m - MARGIN_M;
             let seen = self.neighbours.seen(sensor, sweep, |other| self.is_trusted(other));
+            let (map_m, seen) =
+                (expected_m(sensor).filter(is_near), seen.filter(|seen| seen.range_m < SURE_PART * self.max_range_m));
+            let wall_m = map_m.or(seen.map(|seen| seen.range_m)).unwrap_or(0.0);
             let evidence = Evidence {
                 range_m: beam.range_m,
                 no_measurement: beam.no_measurement,
                 residual_m: if has_residuals { self.pca.residuals_m2()[sensor].sqrt() } else { f64::NAN },
-                map_m: expected_m(sensor).filter(is_near),
-                neighbours: seen.filter(|seen| is_near(&seen.range_m)),
-                moved_m,
+                map_m,
+                neighbours: seen,
+                moved_m: moved_m.max(stirred_m),
+                passed_m: passed_m(sweep, beam, wall_m).max(PASSED_WHILE_STIRRED * stirred_m),
             };
             let suspicion = &mut self.sensors[sensor];
             suspicion.weigh(&evidence);
@@ -88,9 +104,9 @@ impl Detector {
         }
     }
 
-    /// How far the robot has moved since the last sweep, metres: by its wheels or, where those say nothing, by how the trusted
-    /// sensors' readings have changed on average.
-    fn moved_m(&mut self, sweep: &Sweep) -> f64 {
+    /// By how much the trusted sensors' readings have changed on average since the last sweep, metres: a robot's motion even
+    /// where its wheels tell nothing.
+    fn stirred_m(&mut self, sweep: &Sweep) -> f64 {
         let (mut sum_m, mut count) = (0.0, 0.0);
         for (sensor, (beam, last_m)) in sweep.beams.iter().zip(&mut self.last_m).enumerate() {
             let change_m = (beam.range_m - *last_m).abs();
@@ -100,8 +116,17 @@ impl Detector {
             }
             *last_m = beam.range_m;
         }
-        let by_wheels_m =
-            0.5 * (sweep.left_m + sweep.right_m).abs() + MOVED_BY_TURN * (sweep.right_m - sweep.left_m).abs();
-        if count > 0.0 { by_wheels_m.max(sum_m / count) } else { by_wheels_m }
+        if count > 0.0 { sum_m / count } else { 0.0 }
     }
+}
+
+/// How far the robot has turned since the last sweep, radians, counter-clockwise.
+fn turn_rad(sweep: &Sweep) -> f64 {
+    (sweep.right_m - sweep.left_m) / WHEEL_BASE_M
+}
+
+/// How far the point a beam looks at, `range_m` ahead, has moved across the beam since the last sweep, metres.
+fn passed_m(sweep: &Sweep, beam: &Beam, range_m: f64) -> f64 {
+    let forward_m = 0.5 * (sweep.left_m + sweep.right_m);
+    (turn_rad(sweep) * range_m - forward_m * libm::sin(beam.robot_from_sensor.theta_rad)).abs()
 }
