@@ -150,6 +150,7 @@ fn sweep(ring: &Ring, row: usize, rows: &[Vec<f64>], faults: &[TrueFault], dice:
             None => read_m,
             Some(FaultKind::Saturated) => 5.0,
             Some(FaultKind::Missing) => f64::NAN,
+            Some(FaultKind::Noisy) if read_m >= 4.9 => 0.5 + 4.3 * random(),
             Some(FaultKind::Noisy) => (read_m + off_m).clamp(0.03, 4.8),
             Some(FaultKind::Stuck) => {
                 let before = (0..rows.len()).take_while(|&row| row_at(row) < fault.unwrap().from);

@@ -35,6 +35,7 @@ pub struct Suspicion {
     ratios: [f64; KINDS.len()],
     last_m: f64,
     heard_in_row: u32,
+    silent_in_row: u32,
     state: SensorState,
     relapses: f64,
 }
@@ -59,7 +60,7 @@ const BLANKED: f64 = 0.75;
 const ANSWER: f64 = -2.0;
 /// Per metre of wall that passes in silence. Doors, gaps and walls hidden by what mirrors the sound away keep a healthy sensor
 /// silent, too, however long the robot looks at them, but seldom for more than half a metre.
-const SILENT_AT_WALL: f64 = 11.0;
+const SILENT_AT_WALL: f64 = 15.0;
 /// Neighbours this far apart leave no room for a gap between them; the farther apart, the less they prove.
 const CLOSE_RAD: f64 = 25.0 * std::f64::consts::PI / 180.0;
 /// What one sweep may add at most.
@@ -68,9 +69,14 @@ const MOST_SILENT: f64 = 0.9;
 const HEARD: f64 = -3.0;
 /// A reading that PCA cannot explain: four of five from a noisy sensor, one of five from a healthy one in clutter.
 const JUMP: f64 = 1.1;
-const NO_JUMP: f64 = -1.6;
+const NO_JUMP: f64 = -1.4;
 /// Root of the PCA residual from which a reading counts as a jump, metres.
-const JUMP_M: f64 = 0.09;
+const JUMP_M: f64 = 0.07;
+/// Around a short silence, which is itself a jump to PCA, the readings before and after it are compared.
+const SHORT_SILENCE_SWEEPS: u32 = 3;
+const LEAP_M: f64 = 0.15;
+const LEAP: f64 = 0.8;
+const NO_LEAP: f64 = -1.0;
 /// A jump that ends beyond the wall that the map or the neighbours know: healthy sensors look through doors, but do not jump there.
 const JUMP_BEYOND: f64 = 1.6;
 const BEYOND_M: f64 = 0.2;
@@ -87,6 +93,7 @@ impl Default for Suspicion {
             ratios: [0.0; KINDS.len()],
             last_m: f64::NAN,
             heard_in_row: 0,
+            silent_in_row: 0,
             state: SensorState::Healthy,
             relapses: 0.0,
         }
@@ -105,7 +112,7 @@ impl Suspicion {
         }
         self.add(FaultKind::Missing, ANSWER);
         if range_m.is_infinite() {
-            self.heard_in_row = 0;
+            (self.heard_in_row, self.silent_in_row) = (0, self.silent_in_row + 1);
             if range_m > 0.0 {
                 let by_map: f64 = if evidence.map_m.is_some() { 1.0 } else { 0.0 };
                 let by_neighbours = evidence.neighbours.map_or(0.0, |seen| (CLOSE_RAD / seen.span_rad).min(1.0));
@@ -116,13 +123,17 @@ impl Suspicion {
         }
         self.add(FaultKind::Saturated, HEARD);
         self.heard_in_row += 1;
-        let is_same = (range_m - self.last_m).abs() < SAME_M;
+        let leap_m = (range_m - self.last_m).abs();
+        let is_same = leap_m < SAME_M;
         self.last_m = range_m;
         let novelty = (evidence.moved_m / MOVED_M).min(1.0);
         self.add(FaultKind::Stuck, if is_same { novelty * REPEATED } else { CHANGED });
-        if !is_same {
+        if self.silent_in_row > 0 && self.silent_in_row <= SHORT_SILENCE_SWEEPS {
+            self.add(FaultKind::Noisy, if leap_m > LEAP_M { LEAP } else { NO_LEAP });
+        } else if !is_same {
             self.weigh_scatter(evidence);
         }
+        self.silent_in_row = 0;
     }
 
     /// A reading that is new: does it scatter?
