@@ -169,11 +169,10 @@ enum Wake {
     End,
 }
 
-/// Runs until the end is requested, or a hang-up where that is the end.
+/// Runs until the end is requested, or a hang-up where that is the end. Times count from `begin`.
 ///
 /// # Errors
 /// When an output cannot be written.
-#[expect(clippy::disallowed_methods, reason = "here time becomes an input")]
 pub async fn run(
     options: Options<'_>,
     mut port: OpenPort,
@@ -181,8 +180,8 @@ pub async fn run(
     shutdown: &mut Shutdown,
     session: &mut Session,
     recorder: &mut Option<Recorder>,
+    begin: Instant,
 ) -> Result<(), DaemonError> {
-    let begin = Instant::now();
     let now = || Timestamp::default() + begin.elapsed();
     link.opened(now(), &port.name, &session.reception());
     loop {
