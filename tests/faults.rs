@@ -208,8 +208,9 @@ fn faults_put_on_a_real_ring_are_found() {
             named += meter.tally(kind);
             whole += meter.whole();
             hidden += meter.found().filter(|(_, at)| at.is_none()).count();
-            latencies_s
-                .extend(meter.found().map(|(fault, at)| at.unwrap_or(row_at(rows.len())).seconds_since(fault.from)));
+            latencies_s.extend(
+                meter.found().map(|(fault, at)| at.unwrap_or_else(|| row_at(rows.len())).seconds_since(fault.from)),
+            );
         }
         latencies_s.sort_by(f64::total_cmp);
         let share = |share: Option<f64>| share.unwrap_or(f64::NAN);

@@ -83,7 +83,7 @@ impl Detector {
             let seen = self.neighbours.seen(sensor, sweep, |other| self.is_trusted(other));
             let (map_m, seen) =
                 (expected_m(sensor).filter(is_near), seen.filter(|seen| seen.range_m < SURE_PART * self.max_range_m));
-            let wall_m = map_m.or(seen.map(|seen| seen.range_m)).unwrap_or(0.0);
+            let wall_m = map_m.or_else(|| seen.map(|seen| seen.range_m)).unwrap_or(0.0);
             let evidence = Evidence {
                 range_m: beam.range_m,
                 no_measurement: beam.no_measurement,
