@@ -1,6 +1,6 @@
 //! The default method: the walls of an orthogonal building in one filter with the pose.
 //!
-//! 1. PCA over three instants, with the map's evidence, tells which sensors to distrust ([`crate::fault`]).
+//! 1. PCA over three instants, with the neighbours' and the map's evidence, tells which sensors to distrust ([`crate::fault`]).
 //! 2. A Hough transform over sonar arcs finds the building's axis, at the start from the first sweeps and later, from the last
 //!    ones, as a check on the heading ([`crate::orientation`]).
 //! 3. An extended Kalman filter over pose, wheels and wall offsets follows the robot ([`crate::position`]).
@@ -12,7 +12,6 @@
 use crate::config::Config;
 use crate::event::{Calibration, Estimate, Event, SensorState};
 use crate::fault::detector::Detector;
-use crate::fault::pca::{PcaBlock, trust};
 use crate::geometry::{Point, Pose2, Ring};
 use crate::mapping::cone::{self, Target};
 use crate::mapping::grid::{Facing, OccupancyGrid};
@@ -29,7 +28,6 @@ use std::f64::consts::FRAC_PI_2;
 pub struct Walls {
     max_range_m: f64,
     wheel_base_m: f64,
-    pca: PcaBlock,
     detector: Detector,
     axis: AxisFinder,
     axis_sweeps: usize,
@@ -47,8 +45,6 @@ const MOST_SWEEPS: usize = 300;
 /// A direction is believed when its votes gather this much better than the median direction's.
 const CONTRAST: f64 = 1.25;
 const AXIS_SIGMA_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
-/// The variation from which on a sensor loses its say in the first component.
-const CALM_M2: f64 = 0.01;
 /// Sweeps between two checks of the heading.
 const CHECK_SWEEPS: usize = 25;
 /// A check farther off than this speaks of another axis, not of drift.
@@ -66,8 +62,7 @@ impl Walls {
         Self {
             max_range_m: config.ring.max_range_m,
             wheel_base_m: config.robot.wheel_base_m,
-            pca: PcaBlock::new(ring.len(), config.ring.max_range_m),
-            detector: Detector::new(ring.len(), config.ring.max_range_m),
+            detector: Detector::new(ring, config.ring.max_range_m),
             axis: AxisFinder::default(),
             axis_sweeps: 0,
             waiting: Vec::with_capacity(MOST_SWEEPS),
@@ -79,9 +74,14 @@ impl Walls {
 
     /// Uses one sweep.
     pub fn update(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
-        match self.tracker {
-            Some(_) => self.follow(sweep, events),
-            None => self.seek(sweep, events),
+        if let Some(tracker) = &mut self.tracker {
+            tracker.predict(sweep);
+            let expected_m = |sensor: usize| tracker.expected_range(&sweep.beams[sensor]);
+            self.detector.inspect(sweep, expected_m, events);
+            self.follow(sweep, events);
+        } else {
+            self.detector.inspect(sweep, |_| None, events);
+            self.seek(sweep, events);
         }
     }
 
@@ -134,22 +134,16 @@ impl Walls {
             if sweep.index == 0 {
                 (sweep.left_m, sweep.right_m) = (0.0, 0.0);
             }
+            if let Some(tracker) = &mut self.tracker {
+                tracker.predict(&sweep);
+            }
             self.follow(&sweep, events);
         }
     }
 
-    /// The method itself, one sweep.
+    /// What follows once the pose is predicted and the sensors are judged.
     fn follow(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
         let Some(tracker) = &mut self.tracker else { return };
-        tracker.predict(sweep);
-        let residual_m2 = if self.pca.push(sweep) {
-            self.pca.analyse(|_, variation_m2| trust(variation_m2, CALM_M2));
-            self.pca.residuals_m2()
-        } else {
-            &[]
-        };
-        let expected_m = |sensor: usize| tracker.expected_range(&sweep.beams[sensor]);
-        self.detector.inspect(sweep, residual_m2, expected_m, events);
         tracker.correct(sweep, |sensor| self.detector.is_trusted(sensor));
         self.check_heading(sweep);
         self.draw(sweep);

@@ -28,7 +28,7 @@ pub(super) struct SimulateArgs {
     #[arg(long, default_value = "none")]
     faults: FaultMix,
     /// A broken sensor: kinds are saturated, missing, noisy and stuck.
-    #[arg(long = "fault", value_name = "SENSOR:KIND@TIME")]
+    #[arg(long = "fault", value_name = "SENSOR:KIND@TIME[-TIME]")]
     fault: Vec<SensorFault>,
     /// The beams' shape: cone or point.
     #[arg(long, default_value = "cone")]
@@ -91,14 +91,13 @@ impl SimulateArgs {
     }
 
     fn write(&self, simulation: Simulation, path: &Path) -> Result<(), Failure> {
-        let words = |fault: &SensorFault| format!("{}:{}@{}s", fault.sensor, fault.kind.word(), fault.from_s);
         let info = CaptureInfo {
             slamd_version: env!("CARGO_PKG_VERSION").into(),
             protocol_version: format!("{}.{}", slamd_protocol::VERSION_MAJOR, slamd_protocol::VERSION_MINOR),
             config_toml: Config::default().to_toml(),
             unix_zero_us: None,
             notes: format!("slamd simulate --world {} --seed {} --duration {}", self.world, self.seed, self.duration),
-            faults: Some(simulation.faults().iter().map(words).collect()),
+            faults: Some(simulation.faults().iter().map(ToString::to_string).collect()),
         };
         let mut capture = CaptureWriter::create(path, &info).map_err(Failure::creating)?;
         let bar = terminal::progress(Some(self.duration));

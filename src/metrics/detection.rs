@@ -154,7 +154,7 @@ impl DetectionMeter {
         }
         for (fault, is_found) in self.truth.iter().zip(&mut self.is_found) {
             let is_declared = self.states.get(fault.sensor).is_some_and(|state| *state != SensorState::Healthy);
-            if !*is_found && fault.from <= at && is_declared {
+            if !*is_found && fault.is_on(at) && is_declared {
                 *is_found = true;
                 let latency_s = out.seconds_since(fault.from.max(first)).max(0.0);
                 self.sums.kinds[place(fault.kind)].latencies_s.push(latency_s);
@@ -169,7 +169,7 @@ impl DetectionMeter {
     }
 
     fn true_kind(&self, sensor: usize, at: Timestamp) -> Option<FaultKind> {
-        self.truth.iter().find(|fault| fault.sensor == sensor && fault.from <= at).map(|fault| fault.kind)
+        self.truth.iter().find(|fault| fault.sensor == sensor && fault.is_on(at)).map(|fault| fault.kind)
     }
 }
 

@@ -12,7 +12,7 @@ mod relative;
 pub use accuracy::{Accuracy, AccuracyMeter};
 pub use consistency::{building_frame, mean_nees};
 pub use detection::{Detection, DetectionMeter, KINDS, KindSums};
-pub use faults::{FaultMeter, FaultScore, TrueFault};
+pub use faults::{FaultMeter, FaultScore, Tally, TrueFault};
 pub use map_quality::{MapMeter, MapQuality, Wall};
 pub use pairing::{Pair, Pairing};
 pub use relations::{Relation, RelationError, relation_error};

@@ -121,7 +121,7 @@ impl Outputs {
             Event::Fault(fault) => {
                 self.fault_log.append(fault)?;
                 if let Some(faults) = &mut self.faults {
-                    faults.state(fault.sensor, fault.state);
+                    faults.fault(fault);
                 }
             }
             Event::Board { .. }

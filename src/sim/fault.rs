@@ -50,29 +50,41 @@ pub struct SensorFault {
     pub kind: FaultKind,
     /// Seconds from the session's start until it breaks.
     pub from_s: f64,
+    /// Seconds from the session's start until it is whole again; infinite for good.
+    pub until_s: f64,
 }
 
 impl FromStr for SensorFault {
     type Err = String;
 
-    /// Reads `SENSOR:KIND` or `SENSOR:KIND@SECONDS`, for example `7:saturated@30s`; the `s` may be left out.
+    /// Reads `SENSOR:KIND`, `SENSOR:KIND@SECONDS` or `SENSOR:KIND@SECONDS-SECONDS`, for example `7:saturated@30s-40s`; the
+    /// `s` may be left out.
     fn from_str(text: &str) -> Result<Self, String> {
         let malformed = || format!("fault \"{text}\" is not SENSOR:KIND@TIME, for example 7:saturated@30s");
         let (sensor, rest) = text.split_once(':').ok_or_else(malformed)?;
-        let (kind, time) = rest.split_once('@').unwrap_or((rest, "0"));
-        let seconds = time.strip_suffix('s').unwrap_or(time);
-        let from_s: f64 = seconds
-            .parse()
-            .ok()
-            .filter(|s: &f64| s.is_finite() && *s >= 0.0)
-            .ok_or_else(|| format!("fault \"{text}\": \"{time}\" is not a time in seconds, for example 30s"))?;
+        let (kind, span) = rest.split_once('@').unwrap_or((rest, "0"));
+        let (from, until) = span.split_once('-').map_or((span, None), |(from, until)| (from, Some(until)));
+        let seconds = |time: &str| {
+            let parsed =
+                time.strip_suffix('s').unwrap_or(time).parse().ok().filter(|s: &f64| s.is_finite() && *s >= 0.0);
+            parsed.ok_or_else(|| format!("fault \"{text}\": \"{time}\" is not a time in seconds, for example 30s"))
+        };
         Ok(Self {
             sensor: sensor
                 .parse()
                 .map_err(|_| format!("fault \"{text}\": \"{sensor}\" is not a sensor's number, for example 7"))?,
             kind: kind.parse().map_err(|error| format!("fault \"{text}\": {error}"))?,
-            from_s,
+            from_s: seconds(from)?,
+            until_s: until.map_or(Ok(f64::INFINITY), seconds)?,
         })
+    }
+}
+
+/// The form that [`SensorFault::from_str`] reads.
+impl std::fmt::Display for SensorFault {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}:{}@{}s", self.sensor, self.kind.word(), self.from_s)?;
+        if self.until_s.is_finite() { write!(f, "-{}s", self.until_s) } else { Ok(()) }
     }
 }
 
@@ -135,7 +147,12 @@ impl FaultMix {
         let mut faults: Vec<SensorFault> = kinds
             .into_iter()
             .take(usize::from(sensors))
-            .map(|kind| SensorFault { sensor: healthy.swap_remove(random.below(healthy.len())), kind, from_s })
+            .map(|kind| SensorFault {
+                sensor: healthy.swap_remove(random.below(healthy.len())),
+                kind,
+                from_s,
+                until_s: f64::INFINITY,
+            })
             .collect();
         faults.sort_by_key(|fault| fault.sensor);
         faults
@@ -177,7 +194,8 @@ impl Faults {
 
     /// What `sensor` gives at `at_s` seconds instead of the healthy reading `read_m` (none: no echo).
     pub fn apply(&mut self, sensor: u8, at_s: f64, read_m: Option<f64>) -> Reading {
-        let begun = self.schedule.iter().filter(|fault| fault.sensor == sensor && fault.from_s <= at_s);
+        let is_on = |fault: &&SensorFault| fault.sensor == sensor && fault.from_s <= at_s && at_s < fault.until_s;
+        let begun = self.schedule.iter().filter(is_on);
         let kind = begun.max_by(|a, b| a.from_s.total_cmp(&b.from_s)).map(|fault| fault.kind);
         let given_m = match kind {
             None => read_m,
@@ -215,10 +233,12 @@ mod tests {
 
     #[test]
     fn the_command_lines_form_is_read() {
-        let fault = |kind, from_s| Ok(SensorFault { sensor: 7, kind, from_s });
+        let fault = |kind, from_s| Ok(SensorFault { sensor: 7, kind, from_s, until_s: f64::INFINITY });
         assert_eq!("7:saturated@30s".parse(), fault(FaultKind::Saturated, 30.0));
         assert_eq!("7:stuck@2.5".parse(), fault(FaultKind::Stuck, 2.5));
         assert_eq!("7:missing".parse(), fault(FaultKind::Missing, 0.0));
+        let passing: SensorFault = "7:noisy@3s-4.5s".parse().unwrap();
+        assert_eq!((passing.from_s, passing.until_s, passing.to_string().as_str()), (3.0, 4.5, "7:noisy@3s-4.5s"));
     }
 
     #[test]
@@ -258,5 +278,15 @@ mod tests {
         assert_eq!(faults.apply(3, 6.0, Some(2.0)), Reading::Range(1.2));
         assert_eq!(faults.apply(3, 7.0, None), Reading::Range(1.2));
         assert_eq!(faults.apply(4, 7.0, Some(0.4)), Reading::Range(0.4));
+    }
+
+    #[test]
+    fn a_fault_that_passes_leaves_a_healthy_sensor() {
+        let mut faults = faults(&["0:saturated@5-6", "0:missing@8-9"]);
+        let mut at = |at_s| faults.apply(0, at_s, Some(1.0));
+        assert_eq!([4.9, 5.0, 6.0, 8.5, 9.0].map(&mut at), {
+            let healthy = Reading::Range(1.0);
+            [healthy, Reading::NoEcho, healthy, Reading::Missing, healthy]
+        });
     }
 }
