@@ -137,6 +137,12 @@ impl Pipeline {
         self.aligner.ring()
     }
 
+    /// The last sweep, once the ring is known.
+    #[must_use]
+    pub fn sweep(&self) -> Option<&Sweep> {
+        self.aligner.sweep()
+    }
+
     /// Each sensor's state, by id.
     #[must_use]
     pub fn states(&self) -> &[SensorState] {
@@ -153,6 +159,16 @@ impl Pipeline {
         match &self.estimator {
             Some(Estimator::Walls(walls)) => Some(walls.calibration()),
             _ => None,
+        }
+    }
+
+    /// Normalised innovation squared of the last sweep, per wall seen: 1 on the mean for a consistent filter. NaN where it saw no wall;
+    /// the paper's method has none.
+    #[must_use]
+    pub fn nis(&self) -> f64 {
+        match &self.estimator {
+            Some(Estimator::Walls(walls)) => walls.nis(),
+            _ => f64::NAN,
         }
     }
 

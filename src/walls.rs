@@ -16,14 +16,15 @@ use crate::config::Config;
 use crate::event::{Calibration, Estimate, Event, LockChange, LockEvent, SensorState};
 use crate::fault::detector::Detector;
 use crate::fault::pca::{PcaBlock, trust};
-use crate::geometry::{Pose2, Ring, wrap_angle};
+use crate::geometry::{Point, Pose2, Ring, wrap_angle};
 use crate::mapping::cone::{self, Target};
-use crate::mapping::grid::OccupancyGrid;
+use crate::mapping::grid::{Facing, OccupancyGrid};
 use crate::mapping::raster::Raster;
 use crate::orientation::axis::AxisFinder;
 use crate::orientation::start;
-use crate::position::tracker::{Tracker, Use};
-use crate::sweep::Sweep;
+use crate::position::beam_model::sight;
+use crate::position::tracker::{Tracker, Use, Wall};
+use crate::sweep::{Beam, Sweep};
 use crate::time::Timestamp;
 use lost::Lost;
 use std::f64::consts::FRAC_PI_2;
@@ -66,6 +67,11 @@ const LEAST_SENSORS: usize = 12;
 const CHECK_SWEEPS: usize = 25;
 /// A check farther off than this speaks of another axis, not of drift.
 const CHECK_RAD: f64 = 6.0 * std::f64::consts::PI / 180.0;
+/// A sensor clears its cone in one of so many sweeps; what it hears is marked in each.
+const CLEARING_SWEEPS: u64 = 4;
+/// A return is a known wall's when it lies on its line up to this, at most so far beyond where the wall has been seen, metres.
+const ON_LINE_M: f64 = 0.06;
+const EXTENDED_M: f64 = 1.0;
 
 impl Walls {
     /// The method for a robot and its ring.
@@ -113,6 +119,12 @@ impl Walls {
     pub fn calibration(&self) -> Calibration {
         let nominal = Calibration { wheel_ratio: 1.0, wheel_base_m: self.wheel_base_m, ..Calibration::default() };
         self.tracker.as_ref().map_or(nominal, |tracker| tracker.filter.calibration())
+    }
+
+    /// Normalised innovation squared of the last sweep, per wall seen; NaN where it saw none.
+    #[must_use]
+    pub fn nis(&self) -> f64 {
+        self.tracker.as_ref().map_or(f64::NAN, Tracker::nis)
     }
 
     /// Gathers the first sweeps until they agree on the building's axis, then uses them all.
@@ -238,14 +250,19 @@ impl Walls {
     fn draw(&mut self, sweep: &Sweep) {
         let Some(tracker) = &self.tracker else { return };
         let pose = tracker.filter.pose();
+        self.grid.revise();
         for (sensor, (beam, used)) in sweep.beams.iter().zip(tracker.uses()).enumerate() {
+            let is_turn = (sweep.index + sensor as u64).is_multiple_of(CLEARING_SWEEPS);
             let (range_m, target) = match used {
-                Use::Wall(sighting) => {
-                    let along_rad = wrap_angle(sighting.side.normal_rad() + FRAC_PI_2);
-                    (beam.range_m, Target::Wall(sighting.point(), along_rad))
-                }
-                Use::Unexplained => (beam.range_m, Target::Something),
-                Use::Unused if beam.is_clear() && self.detector.is_trusted(sensor) => {
+                Use::Wall(_) | Use::Unexplained => match heard_wall(tracker, pose, beam) {
+                    Some((point, facing)) if !is_turn => {
+                        cone::mark_wall(&mut self.grid, point, facing);
+                        continue;
+                    }
+                    Some((point, facing)) => (beam.range_m, Target::Wall(point, facing)),
+                    None => (beam.range_m, Target::Something),
+                },
+                Use::Unused if is_turn && beam.is_clear() && self.detector.is_trusted(sensor) => {
                     (self.max_range_m, Target::Nothing)
                 }
                 Use::Unused => continue,
@@ -253,4 +270,18 @@ impl Walls {
             cone::draw(&mut self.grid, pose * beam.robot_from_sensor, beam.half_angle_rad, range_m, target);
         }
     }
+}
+
+/// The point of a known wall that a return may have come from: on the wall's line, in its extent or a little beyond.
+fn heard_wall(tracker: &Tracker, pose: Pose2, beam: &Beam) -> Option<(Point, Facing)> {
+    let sighting = sight(pose, beam)?;
+    let off_m = |(index, _): &(usize, &Wall)| (tracker.filter.offset_m(*index) - sighting.offset_m()).abs();
+    // Heard squarely beyond its end it would be the end itself, somewhere in the cone.
+    let beyond_m = if sighting.oblique_rad > 0.0 { EXTENDED_M } else { 0.0 };
+    let walls = tracker.walls().iter().enumerate().filter(|(_, wall)| {
+        wall.side == sighting.side && (wall.lo_m - beyond_m..wall.hi_m + beyond_m).contains(&sighting.along_m)
+    });
+    let nearest = walls.min_by(|a, b| off_m(a).total_cmp(&off_m(b))).filter(|wall| off_m(wall) < ON_LINE_M)?;
+    let facing = if sighting.side.axis() == 0 { Facing::X } else { Facing::Y };
+    Some((sighting.side.join(tracker.filter.offset_m(nearest.0), sighting.along_m), facing))
 }

@@ -26,7 +26,7 @@ const TABLE: &[(&str, &[&str], bool)] = &[
     ("mapping", &["sweep", "time", "geometry", "config"], false),
     ("walls", ESTIMATORS, false),
     ("paper", ESTIMATORS, false),
-    ("metrics", &["time", "geometry", "event"], false),
+    ("metrics", &["time", "geometry", "event", "mapping"], false),
     (
         "pipeline",
         &[
@@ -46,6 +46,7 @@ const TABLE: &[(&str, &[&str], bool)] = &[
         false,
     ),
     ("doctor", &["protocol", "time", "geometry", "event", "config", "align", "board", "link", "pipeline"], false),
+    ("monitor", &["time", "geometry", "event", "link", "mapping"], false),
     ("capture", &["time", "geometry"], true),
     ("sim", &["protocol", "time", "geometry", "config", "capture"], true),
     ("import", &["protocol", "time", "geometry", "config", "capture"], true),
@@ -54,6 +55,14 @@ const TABLE: &[(&str, &[&str], bool)] = &[
     (
         "source",
         &["link", "time", "geometry", "event", "config", "pipeline", "capture", "sim", "publish", "metrics"],
+        true,
+    ),
+    (
+        "bench",
+        &[
+            "protocol", "time", "geometry", "sweep", "event", "config", "align", "mapping", "metrics", "pipeline",
+            "capture", "sim", "publish",
+        ],
         true,
     ),
     ("recorder", &["time", "capture"], true),

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Args)]
 #[command(group(ArgGroup::new("to").required(true).args(["capture", "pty"])))]
 pub(super) struct SimulateArgs {
-    /// flat, office, furnished, or a world in a TOML file.
+    /// flat, office, furnished, home, room, or a world in a TOML file.
     #[arg(long, default_value = "flat")]
     world: String,
     /// Every random number comes from it.
@@ -24,7 +24,7 @@ pub(super) struct SimulateArgs {
     /// Length of the session.
     #[arg(long, value_name = "SECONDS", default_value = "300", value_parser = super::seconds)]
     duration: f64,
-    /// The mix of broken sensors: none or paper.
+    /// The mix of broken sensors: none, paper or late (each kind, from 60 s on).
     #[arg(long, default_value = "none")]
     faults: FaultMix,
     /// A broken sensor: kinds are saturated, missing, noisy and stuck.

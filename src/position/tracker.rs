@@ -100,6 +100,12 @@ impl Tracker {
         }
     }
 
+    /// The walls in the filter.
+    #[must_use]
+    pub fn walls(&self) -> &[Wall] {
+        &self.walls
+    }
+
     /// What became of each beam of the last sweep.
     #[must_use]
     pub fn uses(&self) -> &[Use] {
@@ -337,7 +343,6 @@ impl Tracker {
     /// Makes one wall of two that are the same.
     fn merge(&mut self) {
         let Some(newest) = self.walls.len().checked_sub(1) else { return };
-        // Walls drift together by updates, but only a few pairs: one merge a sweep is enough.
         for a in 0..newest {
             for b in a + 1..=newest {
                 let (one, other) = (self.walls[a], self.walls[b]);

@@ -9,6 +9,7 @@ mod summary;
 mod track;
 mod trajectory;
 
+pub use picture::{Curve, Plot};
 pub use summary::{Summary, WheelCalibration};
 
 use crate::config::Config;

@@ -84,7 +84,12 @@ pub enum FaultMix {
     None,
     /// The paper's test: of n sensors n/16 saturated, n/16 missing and n/8 noisy from the start (2, 2 and 4 of 32).
     Paper,
+    /// Each kind on n/16 of n sensors (at least one), all from [`LATE_S`] on: the detector sees them healthy before.
+    Late,
 }
+
+/// When the faults of [`FaultMix::Late`] begin, seconds.
+pub const LATE_S: f64 = 60.0;
 
 impl FromStr for FaultMix {
     type Err = String;
@@ -93,12 +98,23 @@ impl FromStr for FaultMix {
         match word {
             "none" => Ok(Self::None),
             "paper" => Ok(Self::Paper),
-            _ => Err(format!("unknown fault mix \"{word}\": it is none or paper")),
+            "late" => Ok(Self::Late),
+            _ => Err(format!("unknown fault mix \"{word}\": it is none, paper or late")),
         }
     }
 }
 
 impl FaultMix {
+    /// The word used on the command line.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Paper => "paper",
+            Self::Late => "late",
+        }
+    }
+
     /// The mix's faults for a ring of `sensors`; which sensors they hit comes from `random`. In order of sensor ids.
     pub fn faults(self, sensors: u8, random: &mut Random) -> Vec<SensorFault> {
         let kinds = match self {
@@ -107,11 +123,19 @@ impl FaultMix {
                 let (few, more) = (usize::from(sensors / 16), usize::from(sensors / 8));
                 [vec![FaultKind::Saturated; few], vec![FaultKind::Missing; few], vec![FaultKind::Noisy; more]].concat()
             }
+            Self::Late => {
+                let each = usize::from(sensors / 16).max(1);
+                [FaultKind::Saturated, FaultKind::Missing, FaultKind::Noisy, FaultKind::Stuck]
+                    .map(|kind| vec![kind; each])
+                    .concat()
+            }
         };
+        let from_s = if self == Self::Late { LATE_S } else { 0.0 };
         let mut healthy: Vec<u8> = (0..sensors).collect();
         let mut faults: Vec<SensorFault> = kinds
             .into_iter()
-            .map(|kind| SensorFault { sensor: healthy.swap_remove(random.below(healthy.len())), kind, from_s: 0.0 })
+            .take(usize::from(sensors))
+            .map(|kind| SensorFault { sensor: healthy.swap_remove(random.below(healthy.len())), kind, from_s })
             .collect();
         faults.sort_by_key(|fault| fault.sensor);
         faults
