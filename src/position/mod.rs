@@ -2,6 +2,8 @@
 
 pub mod beam_model;
 pub mod filter;
+pub mod lock;
 pub mod nursery;
 pub mod paper_ekf;
+pub mod relock;
 pub mod tracker;

@@ -2,8 +2,10 @@
 
 use super::beam_model::{Side, Sighting, sight};
 use super::filter::{Filter, MAX_WALLS, Measurement, ROBOT};
+use super::lock::LockWatch;
 use super::nursery::Nursery;
-use crate::geometry::Pose2;
+use super::relock::KnownWall;
+use crate::geometry::{Pose2, wrap_angle};
 use crate::sweep::{Beam, Sweep};
 use nalgebra::SVector;
 
@@ -19,6 +21,7 @@ pub struct Wall {
     /// Sweeps that have seen it.
     pub hits: u32,
     last_sweep: u64,
+    first_sweep: u64,
 }
 
 /// A wall out of the filter's sight, with its offset and variance as they were.
@@ -50,17 +53,24 @@ pub struct Tracker {
     nursery: Nursery,
     uses: Vec<Use>,
     matches: Vec<Option<usize>>,
+    expected: Vec<Option<f64>>,
+    watch: LockWatch,
     nis: f64,
 }
 
 /// Innovations farther out than this many standard deviations belong to something else.
-const GATE_SIGMA: f64 = 2.8;
-/// A cone hears a wall farther outside its edge than this only where something else answers as well.
-const MOST_OBLIQUE_RAD: f64 = 4.0 * std::f64::consts::PI / 180.0;
+const GATE_SIGMA: f64 = 2.2;
+/// A cone hears no wall farther outside its edge than this.
+const MOST_OBLIQUE_RAD: f64 = 30.0 * std::f64::consts::PI / 180.0;
 /// Walls are not that flat, and sounds not that straight: floor of one wall's fused noise, metres.
 const MODEL_SIGMA_M: f64 = 0.008;
+/// The same for a turn read off the walls, radians, and how far off a reading may be.
+const TURN_SIGMA_RAD: f64 = 0.3 * std::f64::consts::PI / 180.0;
+const TURN_GATE_SIGMA: f64 = 4.0;
 /// A wall may be heard this far beyond where it has been seen.
 const MARGIN_M: f64 = 0.15;
+/// Sweeps that must have seen a wall before anything is expected of it.
+const WELL_KNOWN: u32 = 15;
 /// Two sightings of one side nearer than this, and within the gate, are one wall.
 const SAME_WALL_M: f64 = 0.07;
 const SAME_GAP_M: f64 = 0.6;
@@ -69,6 +79,9 @@ const PARK_M: f64 = 6.0;
 const UNPARK_M: f64 = 4.5;
 /// Walls that many places must stay free for.
 const SPARE: usize = 12;
+/// What a place found anew is worth.
+const RELOCK_SIGMA_M: f64 = 0.05;
+const RELOCK_SIGMA_RAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
 
 impl Tracker {
     /// A tracker for a robot at `pose` in the building frame.
@@ -81,6 +94,8 @@ impl Tracker {
             nursery: Nursery::default(),
             uses: Vec::new(),
             matches: Vec::new(),
+            expected: Vec::new(),
+            watch: LockWatch::default(),
             nis: f64::NAN,
         }
     }
@@ -108,23 +123,79 @@ impl Tracker {
         self.filter.predict(sweep.left_m, sweep.right_m);
     }
 
-    /// Range at which a healthy beam must hear a wall that is well known and squarely in its cone, if there is one.
+    /// Works out at which range each beam must hear a wall that is well known and squarely in its cone.
+    pub fn expect(&mut self, sweep: &Sweep) {
+        self.expected.clear();
+        let pose = self.filter.pose();
+        for beam in &sweep.beams {
+            self.expected.push(self.expected_range(pose, beam));
+        }
+    }
+
+    /// That range, for one sensor of the sweep at hand.
     #[must_use]
-    pub fn expected_range(&self, beam: &Beam) -> Option<f64> {
-        let sensor = self.filter.pose() * beam.robot_from_sensor;
+    pub fn expected_m(&self, sensor: usize) -> Option<f64> {
+        self.expected.get(sensor).copied().flatten()
+    }
+
+    fn expected_range(&self, pose: Pose2, beam: &Beam) -> Option<f64> {
+        let sensor = pose * beam.robot_from_sensor;
+        let most_off_rad = 0.7 * beam.half_angle_rad.max(0.1);
+        let faced = |side: &Side| wrap_angle(sensor.theta_rad - side.normal_rad()).abs() <= most_off_rad;
+        let side = Side::ALL.into_iter().find(faced)?;
+        let (across_m, along_m) = side.split(sensor.position());
         let mut nearest: Option<f64> = None;
         for (index, wall) in self.walls.iter().enumerate() {
-            let off_rad = crate::geometry::wrap_angle(sensor.theta_rad - wall.side.normal_rad());
-            if wall.hits < 15 || off_rad.abs() > 0.7 * beam.half_angle_rad.max(0.1) {
-                continue;
-            }
-            let (across_m, along_m) = wall.side.split(sensor.position());
-            let depth_m = wall.side.sign() * (self.filter.offset_m(index) - across_m);
-            if depth_m > 0.05 && along_m > wall.lo_m + 0.1 && along_m < wall.hi_m - 0.1 {
+            let faces =
+                wall.side == side && wall.hits >= WELL_KNOWN && along_m > wall.lo_m + 0.1 && along_m < wall.hi_m - 0.1;
+            let depth_m = side.sign() * (self.filter.offset_m(index) - across_m);
+            if faces && depth_m > 0.05 {
                 nearest = Some(nearest.map_or(depth_m, |n: f64| n.min(depth_m)));
             }
         }
         nearest
+    }
+
+    /// Whether what is heard agrees with the walls.
+    #[must_use]
+    pub fn watch(&self) -> &LockWatch {
+        &self.watch
+    }
+
+    /// Every well-known wall.
+    #[must_use]
+    pub fn known_walls(&self) -> Vec<KnownWall> {
+        let known = |wall: &Wall, offset_m| KnownWall { side: wall.side, offset_m, lo_m: wall.lo_m, hi_m: wall.hi_m };
+        let active = self.walls.iter().enumerate().map(|(index, wall)| (wall, self.filter.offset_m(index)));
+        let all = active.chain(self.parked.iter().map(|parked| (&parked.wall, parked.offset_m)));
+        all.filter(|(wall, _)| wall.hits >= WELL_KNOWN).map(|(wall, offset_m)| known(wall, offset_m)).collect()
+    }
+
+    /// The lock is lost: what was learnt from the sweep `since` on is void, and the pose is uncertain.
+    pub fn lose(&mut self, since: u64) {
+        for wall in
+            (0..self.walls.len()).rev().filter(|&wall| self.walls[wall].first_sweep >= since).collect::<Vec<_>>()
+        {
+            self.walls.swap_remove(wall);
+            self.filter.remove(wall);
+        }
+        self.nursery.clear();
+        self.uses.clear();
+        self.watch = LockWatch::default();
+        self.nis = f64::NAN;
+        self.filter.inflate(0.5, 0.5);
+    }
+
+    /// The place is known again.
+    pub fn relocate(&mut self, pose: Pose2) {
+        self.filter.relocate(pose, RELOCK_SIGMA_M, RELOCK_SIGMA_RAD);
+    }
+
+    /// No wall is known any more.
+    pub fn forget_walls(&mut self) {
+        self.filter.forget_walls();
+        self.walls.clear();
+        self.parked.clear();
     }
 
     /// Corrects the pose with the beams that `is_trusted`, and learns walls from those that no wall explains.
@@ -135,6 +206,10 @@ impl Tracker {
             let sighting = if is_trusted(sensor) { sight(self.filter.pose(), beam) } else { None };
             let found = sighting.and_then(|sighting| self.wall_of(&sighting));
             self.matches.push(found);
+            if sighting.is_some() {
+                let is_known = found.is_some_and(|wall| self.walls[wall].hits >= WELL_KNOWN);
+                self.watch.weigh(is_known, self.expected[sensor], beam.range_m);
+            }
             self.uses.push(match (sighting, found) {
                 (Some(sighting), Some(_)) => Use::Wall(sighting),
                 _ if is_trusted(sensor) && beam.has_range() => Use::Unexplained,
@@ -142,6 +217,14 @@ impl Tracker {
             });
         }
         let (mut nis_sum, mut seen) = (0.0, 0.0);
+        if let Some((innovation_rad, variance)) = self.turn() {
+            let distance = innovation_rad.powi(2) / (self.filter.pose_covariance()[(2, 2)] + variance);
+            if distance < TURN_GATE_SIGMA * TURN_GATE_SIGMA {
+                nis_sum += distance;
+                seen += 1.0;
+                self.filter.update_heading(innovation_rad, variance);
+            }
+        }
         for index in 0..self.walls.len() {
             if let Some(measurement) = self.fuse(sweep, index) {
                 nis_sum += measurement.innovation.powi(2) / self.filter.innovation_variance(&measurement);
@@ -152,7 +235,9 @@ impl Tracker {
             }
         }
         self.nis = nis_sum / seen;
-        self.learn(sweep);
+        if !self.watch.is_doubtful() {
+            self.learn(sweep);
+        }
         self.merge();
         self.park();
     }
@@ -187,6 +272,29 @@ impl Tracker {
             wall: (wall, sign),
             variance: sighting.variance,
         }
+    }
+
+    /// What the beams say of the heading: on each wall, how their misfits grow with how they feel a turn.
+    fn turn(&self) -> Option<(f64, f64)> {
+        let (mut information, mut sum) = (0.0, 0.0);
+        for wall in 0..self.walls.len() {
+            let (mut w, mut wh, mut whh, mut wz, mut whz) = (0.0, 0.0, 0.0, 0.0, 0.0);
+            for (used, found) in self.uses.iter().zip(&self.matches) {
+                let (Use::Wall(sighting), true) = (used, *found == Some(wall)) else { continue };
+                let m = self.measure(sighting, wall);
+                let (weight, h) = (1.0 / m.variance, m.robot[2]);
+                w += weight;
+                wh += weight * h;
+                whh += weight * h * h;
+                wz += weight * m.innovation;
+                whz += weight * h * m.innovation;
+            }
+            if w > 0.0 {
+                information += whh - wh * wh / w;
+                sum += whz - wh * wz / w;
+            }
+        }
+        (information > 1.0).then(|| (sum / information, 1.0 / information + TURN_SIGMA_RAD * TURN_SIGMA_RAD))
     }
 
     /// All beams on one wall as one measurement at the pose as it is now.
@@ -225,7 +333,8 @@ impl Tracker {
             let Some(new) = self.nursery.add(&sighting, sweep.index) else { continue };
             let by_robot = sighting.by_robot * -sighting.side.sign();
             if self.filter.add(new.offset_m, &by_robot, MODEL_SIGMA_M * MODEL_SIGMA_M * 2.0).is_some() {
-                let wall = Wall { side: new.side, lo_m: new.lo_m, hi_m: new.hi_m, hits: 1, last_sweep: sweep.index };
+                let (lo_m, hi_m, now) = (new.lo_m, new.hi_m, sweep.index);
+                let wall = Wall { side: new.side, lo_m, hi_m, hits: 1, last_sweep: now, first_sweep: now };
                 self.walls.push(wall);
             }
         }
@@ -234,7 +343,6 @@ impl Tracker {
     /// Makes one wall of two that are the same.
     fn merge(&mut self) {
         let Some(newest) = self.walls.len().checked_sub(1) else { return };
-        // Walls drift together by updates, but only a few pairs: one merge a sweep is enough.
         for a in 0..newest {
             for b in a + 1..=newest {
                 let (one, other) = (self.walls[a], self.walls[b]);
@@ -251,6 +359,7 @@ impl Tracker {
                 self.walls[a].lo_m = one.lo_m.min(other.lo_m);
                 self.walls[a].hi_m = one.hi_m.max(other.hi_m);
                 self.walls[a].hits += other.hits;
+                self.walls[a].first_sweep = one.first_sweep.min(other.first_sweep);
                 self.walls.swap_remove(b);
                 return;
             }

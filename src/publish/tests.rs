@@ -21,7 +21,9 @@ fn run(folder: &Path) -> Summary {
             outputs.event(&Event::Fault(FaultEvent { at, sensor, state, reason: String::new() })).unwrap();
         }
         let covariance = Matrix3::zeros();
-        outputs.event(&Event::Estimate(Estimate { at, sweep: u64::from(k), pose, covariance, odometry })).unwrap();
+        outputs
+            .event(&Event::Estimate(Estimate { at, sweep: u64::from(k), pose, covariance, odometry, nis: 1.0 }))
+            .unwrap();
         outputs.timing(Duration::from_micros(u64::from(k % 50)));
     }
     let mut states = vec![SensorState::Healthy; 32];
