@@ -217,7 +217,9 @@ fn lock_line(lock: &LockEvent) {
             turned_rad.to_degrees()
         ),
         LockChange::Abandoned => {
-            tracing::warn!("position not found: walls are learnt anew from where the wheels say the robot is");
+            tracing::warn!(
+                "position not found: no other place explains what is heard; mapping goes on where the robot is believed"
+            );
         }
     }
 }
