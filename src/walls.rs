@@ -57,8 +57,9 @@ const LEAST_TRAVEL_M: f64 = 0.6;
 const MOST_SWEEPS: usize = 300;
 /// A direction is believed when its votes gather this much better than the median direction's.
 const CONTRAST: f64 = 1.25;
-/// The first axis must beat every other direction this much, or is waited for.
+/// The first axis must beat every other direction this much, or is waited for, but no longer than so many sweeps.
 const LEAD: f64 = 1.15;
+const LEAD_SWEEPS: usize = 100;
 const AXIS_SIGMA_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
 /// Fewer sensors raise false alarms: of 8, one drive in three.
 const LEAST_SENSORS: usize = 12;
@@ -148,7 +149,8 @@ impl Walls {
         }
         let axis = start::find(&mut self.axis, &self.waiting, self.wheel_base_m);
         let axis = axis.filter(|axis| axis.contrast >= CONTRAST);
-        if waited < MOST_SWEEPS && axis.is_none_or(|axis| axis.lead < LEAD) {
+        let least_lead = if waited < LEAD_SWEEPS { LEAD } else { 1.0 };
+        if waited < MOST_SWEEPS && axis.is_none_or(|axis| axis.lead < least_lead) {
             return;
         }
         // Without an axis any direction is as good as another: the first heading becomes the map's x axis.

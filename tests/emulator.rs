@@ -114,7 +114,7 @@ fn the_emulated_board_maps_as_well_as_the_simulated_one() {
         wires.map(|wire| wire.join().unwrap())
     });
     let (mut emulated, mut simulated) = (Vec::new(), Vec::new());
-    for seed in 1..=8 {
+    for seed in 1..=24 {
         emulated.push(in_lock_step(seed));
         simulated.push(direct(seed));
         println!("seed {seed}: emulated {:?}, simulated {:?}", emulated.last(), simulated.last());
