@@ -4,6 +4,7 @@ use crate::geometry::Pose2;
 use crate::time::Timestamp;
 use bytes::Bytes;
 use nalgebra::Matrix3;
+use serde::{Deserialize, Serialize};
 
 /// One input. Times never run back.
 #[derive(Clone, Copy, Debug)]
@@ -103,7 +104,7 @@ pub struct Estimate {
 }
 
 /// What a sensor's readings are worth.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SensorState {
     /// Its readings are used.
     #[default]
@@ -113,7 +114,7 @@ pub enum SensorState {
 }
 
 /// In which way a sensor is broken.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum FaultKind {
     /// It always hears nothing within range.
     Saturated,
@@ -152,7 +153,7 @@ pub struct FaultEvent {
 }
 
 /// The drive as the estimator has learnt it, with one standard deviation each.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
     /// Right wheel's size over the left's.
     pub wheel_ratio: f64,

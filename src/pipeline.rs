@@ -68,14 +68,13 @@ impl Pipeline {
     /// A pipeline that has heard nothing yet.
     #[must_use]
     pub fn new(config: &Config) -> Self {
-        let ring = &config.ring;
         let mut pipeline = Self {
             config: config.clone(),
             decoder: FrameDecoder::new(),
             sent: FrameDecoder::new(),
             encoder: FrameEncoder::default(),
             conversation: Conversation::new(config),
-            aligner: Aligner::new(ring.min_range_m..=ring.max_range_m, ring.temperature_c),
+            aligner: Aligner::new(&config.ring),
             estimator: None,
             last_seq: None,
             counters: Counters::default(),
@@ -300,7 +299,9 @@ impl Pipeline {
 
     fn use_ticks(&mut self, ticks_per_turn: u32) {
         let robot = &self.config.robot;
-        let metres_per_tick = TAU * robot.wheel_radius_m / f64::from(ticks_per_turn);
+        let mean_m = TAU * robot.wheel_radius_m / f64::from(ticks_per_turn);
+        let left_m = 2.0 * mean_m / (1.0 + robot.wheel_ratio);
+        let metres_per_tick = [left_m, left_m * robot.wheel_ratio];
         self.aligner.set_wheels(Wheels { metres_per_tick, base_m: robot.wheel_base_m });
     }
 

@@ -27,7 +27,7 @@ use std::f64::consts::FRAC_PI_2;
 #[derive(Debug)]
 pub struct Walls {
     max_range_m: f64,
-    wheel_base_m: f64,
+    wheels: Calibration,
     pca: PcaBlock,
     detector: Detector,
     axis: AxisFinder,
@@ -59,7 +59,7 @@ impl Walls {
     pub fn new(config: &Config, ring: &Ring) -> Self {
         Self {
             max_range_m: config.ring.max_range_m,
-            wheel_base_m: config.robot.wheel_base_m,
+            wheels: config.robot.wheels(),
             pca: PcaBlock::new(ring.len(), config.ring.max_range_m),
             detector: Detector::new(ring.len(), config.ring.max_range_m),
             axis: AxisFinder::default(),
@@ -94,8 +94,7 @@ impl Walls {
     /// The wheels as learnt so far.
     #[must_use]
     pub fn calibration(&self) -> Calibration {
-        let nominal = Calibration { wheel_ratio: 1.0, wheel_base_m: self.wheel_base_m, ..Calibration::default() };
-        self.tracker.as_ref().map_or(nominal, |tracker| tracker.filter.calibration())
+        self.tracker.as_ref().map_or(self.wheels, |tracker| tracker.filter.calibration())
     }
 
     /// Gathers the first sweeps until they agree on the building's axis, then uses them all.
@@ -108,7 +107,7 @@ impl Walls {
         if waited < MOST_SWEEPS && !is_time {
             return;
         }
-        let axis = start::find(&mut self.axis, &self.waiting, self.wheel_base_m);
+        let axis = start::find(&mut self.axis, &self.waiting, &self.wheels);
         let axis = axis.filter(|axis| axis.contrast >= CONTRAST);
         if axis.is_none() && waited < MOST_SWEEPS {
             return;
@@ -116,7 +115,7 @@ impl Walls {
         // Without an axis any direction is as good as another: the first heading becomes the map's x axis.
         let heading_rad = axis.map_or(0.0, |axis| -axis.angle_rad);
         let sigma_rad = if axis.is_some() { AXIS_SIGMA_RAD } else { 0.25 * FRAC_PI_2 };
-        self.tracker = Some(Tracker::new(Pose2::new(0.0, 0.0, heading_rad), sigma_rad, self.wheel_base_m));
+        self.tracker = Some(Tracker::new(Pose2::new(0.0, 0.0, heading_rad), sigma_rad, self.wheels));
         self.axis.clear();
         for mut sweep in std::mem::take(&mut self.waiting) {
             if sweep.index == 0 {

@@ -137,6 +137,12 @@ fn seconds(text: &str) -> Result<f64, String> {
     seconds.ok_or_else(|| "it must be seconds from 0 to 10,000,000".into())
 }
 
+/// A standard deviation.
+fn spread(text: &str) -> Result<f64, String> {
+    let spread = text.parse::<f64>().ok().filter(|spread| (0.0..=30.0).contains(spread));
+    spread.ok_or_else(|| "it must be from 0 to 30".into())
+}
+
 /// A probability.
 fn probability(text: &str) -> Result<f64, String> {
     let probability = text.parse::<f64>().ok().filter(|probability| (0.0..=1.0).contains(probability));

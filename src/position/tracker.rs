@@ -3,6 +3,7 @@
 use super::beam_model::{Side, Sighting, sight};
 use super::filter::{Filter, MAX_WALLS, Measurement, ROBOT};
 use super::nursery::Nursery;
+use crate::event::Calibration;
 use crate::geometry::Pose2;
 use crate::sweep::{Beam, Sweep};
 use nalgebra::SVector;
@@ -73,9 +74,9 @@ const SPARE: usize = 12;
 impl Tracker {
     /// A tracker for a robot at `pose` in the building frame.
     #[must_use]
-    pub fn new(pose: Pose2, heading_sigma_rad: f64, nominal_base_m: f64) -> Self {
+    pub fn new(pose: Pose2, heading_sigma_rad: f64, nominal: Calibration) -> Self {
         Self {
-            filter: Filter::new(pose, heading_sigma_rad, nominal_base_m),
+            filter: Filter::new(pose, heading_sigma_rad, nominal),
             walls: Vec::with_capacity(MAX_WALLS),
             parked: Vec::new(),
             nursery: Nursery::default(),

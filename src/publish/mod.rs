@@ -8,10 +8,10 @@ mod summary;
 mod track;
 mod trajectory;
 
-pub use summary::{Summary, WheelCalibration};
+pub use summary::Summary;
 
 use crate::config::Config;
-use crate::event::{Counters, Event, SensorState};
+use crate::event::{Calibration, Counters, Event, SensorState};
 use crate::geometry::{Pose2, Ring};
 use crate::mapping::raster::Raster;
 use crate::metrics::{AccuracyMeter, FaultMeter, TrueFault};
@@ -49,7 +49,7 @@ pub struct FinalState<'a> {
     /// What was counted.
     pub counters: Counters,
     /// The wheels, where the method estimates them.
-    pub calibration: Option<WheelCalibration>,
+    pub calibration: Option<Calibration>,
 }
 
 /// The files of one run. Trajectories and faults are written while it goes on, as `NAME.part`; memory stays constant.

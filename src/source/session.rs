@@ -9,7 +9,7 @@ use crate::geometry::{Pose2, Ring};
 use crate::link::Reception;
 use crate::metrics::TrueFault;
 use crate::pipeline::Pipeline;
-use crate::publish::{FinalState, Outputs, PublishError, Summary, WheelCalibration};
+use crate::publish::{FinalState, Outputs, PublishError, Summary};
 use crate::time::Timestamp;
 use bytes::Bytes;
 use std::path::Path;
@@ -118,15 +118,13 @@ impl Session {
     /// When an output cannot be written.
     pub fn finish(self) -> Result<(Summary, Vec<FaultEvent>), PublishError> {
         let nowhere = Ring::default();
-        let calibration = self.pipeline.calibration();
         let summary = self.outputs.finish(&FinalState {
             config: &self.config,
             raster: &self.pipeline.raster(),
             ring: self.pipeline.ring().unwrap_or(&nowhere),
             states: self.pipeline.states(),
             counters: self.pipeline.counters(),
-            calibration: calibration
-                .map(|wheels| WheelCalibration { wheel_ratio: wheels.wheel_ratio, wheel_base_m: wheels.wheel_base_m }),
+            calibration: self.pipeline.calibration(),
         })?;
         Ok((summary, self.faulty.into_iter().flatten().collect()))
     }
