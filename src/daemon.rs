@@ -4,6 +4,7 @@ use crate::link::{Link, LinkState, Remedy};
 use crate::port::{self, PortName, Trouble};
 use crate::publish::PublishError;
 use crate::recorder::Recorder;
+use crate::session_file::Saver;
 use crate::source::session::Session;
 use crate::time::Timestamp;
 use bytes::{Buf, Bytes};
@@ -25,6 +26,14 @@ pub struct Options<'a> {
     pub baud: u32,
     /// Ends the session when the port hangs up, instead of waiting for its return.
     pub exit_on_hangup: bool,
+}
+
+/// What is written beside the map while a session lasts.
+pub struct Files<'a> {
+    /// Everything that goes over the line.
+    pub recorder: &'a mut Option<Recorder>,
+    /// What is known, for the next session.
+    pub saver: &'a mut Option<Saver>,
 }
 
 /// A live session that cannot go on.
@@ -180,8 +189,9 @@ pub async fn run(
     link: &mut Link,
     shutdown: &mut Shutdown,
     session: &mut Session,
-    recorder: &mut Option<Recorder>,
+    files: Files<'_>,
 ) -> Result<(), DaemonError> {
+    let Files { recorder, saver } = files;
     let begin = Instant::now();
     let now = || Timestamp::default() + begin.elapsed();
     link.opened(now(), &port.name, &session.reception());
@@ -213,6 +223,9 @@ pub async fn run(
             Wake::Traffic(Err(error)) => (gone, hung_up) = (Some(format!("{} is gone: {error}", port.name)), true),
             Wake::Deadline => link.tick(at, &session.reception()),
             Wake::End => return Ok(()),
+        }
+        if let Some(saver) = saver {
+            saver.tick(at, || session.memory());
         }
         match link.take_remedy() {
             Some(Remedy::Baud(baud)) => gone = port.stream.set_baud_rate(baud).err().map(|error| error.to_string()),

@@ -67,6 +67,8 @@ pub enum Event {
     Estimate(Estimate),
     /// A sensor changed its state.
     Fault(FaultEvent),
+    /// What is known of the robot's place has changed; only where it is sought in a known map.
+    Position(PositionEvent),
     /// A line of text from the board, control characters removed.
     BoardLog {
         /// When it was heard.
@@ -149,6 +151,20 @@ pub struct FaultEvent {
     /// Its new state.
     pub state: SensorState,
     /// Why, in words.
+    pub reason: String,
+}
+
+/// What is known of the robot's place in a known map.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PositionEvent {
+    /// When it was noticed.
+    #[serde(skip)]
+    pub at: Timestamp,
+    /// True where the place is known.
+    pub is_known: bool,
+    /// Seconds that the robot had been driving by then.
+    pub driven_s: f64,
+    /// In words.
     pub reason: String,
 }
 

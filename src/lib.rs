@@ -10,6 +10,7 @@ pub mod sweep;
 pub mod time;
 
 pub mod config;
+pub mod memory;
 
 pub mod align;
 pub mod board;
@@ -23,6 +24,7 @@ pub mod mapping;
 pub mod orientation;
 pub mod position;
 
+pub mod localize;
 pub mod paper;
 pub mod walls;
 
@@ -34,6 +36,7 @@ pub mod import;
 pub mod inspect;
 pub mod metrics;
 pub mod publish;
+pub mod session_file;
 pub mod sim;
 pub mod source;
 

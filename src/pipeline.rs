@@ -15,7 +15,9 @@ use crate::config::{Config, Method};
 use crate::conversation::{Conversation, Trust};
 use crate::event::{Calibration, Counters, Event, Input, Output, SensorState};
 use crate::geometry::Ring;
+use crate::localize::Localizer;
 use crate::mapping::raster::Raster;
+use crate::memory::{Impossible, Memory};
 use crate::paper::Paper;
 use crate::sweep::Sweep;
 use crate::time::Timestamp;
@@ -34,6 +36,7 @@ pub struct Pipeline {
     encoder: FrameEncoder,
     conversation: Conversation,
     aligner: Aligner,
+    start: Start,
     estimator: Option<Estimator>,
     last_seq: Option<u8>,
     counters: Counters,
@@ -41,33 +44,66 @@ pub struct Pipeline {
     outputs: VecDeque<Output>,
 }
 
+/// What a run begins with.
+#[derive(Clone, Debug, Default)]
+pub enum Start {
+    /// An unknown building.
+    #[default]
+    Fresh,
+    /// The remembered building, the robot where it stood.
+    Resume(Box<Memory>),
+    /// The remembered building, which is not changed, the robot anywhere in it.
+    Localize(Box<Memory>),
+}
+
 /// The chosen method at work.
 #[derive(Debug)]
 enum Estimator {
     Walls(Box<Walls>),
     Paper(Box<Paper>),
+    Localizer(Box<Localizer>),
 }
 
 impl Estimator {
-    fn new(config: &Config, ring: &Ring) -> Self {
-        match config.method {
-            Method::Walls => Self::Walls(Box::new(Walls::new(config, ring))),
-            Method::Paper => Self::Paper(Box::new(Paper::new(config, ring))),
-        }
+    fn new(config: &Config, ring: &Ring, start: &Start) -> Result<Self, Impossible> {
+        Ok(match (config.method, start) {
+            (Method::Walls, Start::Fresh) => Self::Walls(Box::new(Walls::new(config, ring))),
+            (Method::Walls, Start::Resume(memory)) => Self::Walls(Box::new(Walls::resume(config, ring, memory)?)),
+            (Method::Walls, Start::Localize(memory)) => {
+                Self::Localizer(Box::new(Localizer::new(config, ring, memory)?))
+            }
+            (Method::Paper, Start::Fresh) => Self::Paper(Box::new(Paper::new(config, ring))),
+            (Method::Paper, _) => return Err(Impossible("the paper's method cannot begin with a known map")),
+        })
     }
 
     fn update(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
         match self {
             Self::Walls(walls) => walls.update(sweep, events),
             Self::Paper(paper) => paper.update(sweep, events),
+            Self::Localizer(localizer) => localizer.update(sweep, events),
         }
     }
 }
 
 impl Pipeline {
+    /// A pipeline that begins with what another has remembered.
+    ///
+    /// # Errors
+    /// Where the memory holds what cannot be, or the configured method cannot use it.
+    pub fn begin(config: &Config, start: Start) -> Result<Self, Impossible> {
+        // The ring may become known later; whether the memory can be used is said now.
+        Estimator::new(config, &Ring::default(), &start)?;
+        Ok(Self::start(config, start))
+    }
+
     /// A pipeline that has heard nothing yet.
     #[must_use]
     pub fn new(config: &Config) -> Self {
+        Self::start(config, Start::Fresh)
+    }
+
+    fn start(config: &Config, start: Start) -> Self {
         let mut pipeline = Self {
             config: config.clone(),
             decoder: FrameDecoder::new(),
@@ -75,6 +111,7 @@ impl Pipeline {
             encoder: FrameEncoder::default(),
             conversation: Conversation::new(config),
             aligner: Aligner::new(&config.ring),
+            start,
             estimator: None,
             last_seq: None,
             counters: Counters::default(),
@@ -126,6 +163,7 @@ impl Pipeline {
         match &self.estimator {
             Some(Estimator::Walls(walls)) => walls.raster(),
             Some(Estimator::Paper(paper)) => paper.raster(),
+            Some(Estimator::Localizer(localizer)) => localizer.raster(),
             None => Raster::default(),
         }
     }
@@ -142,6 +180,7 @@ impl Pipeline {
         match &self.estimator {
             Some(Estimator::Walls(walls)) => walls.states(),
             Some(Estimator::Paper(paper)) => paper.states(),
+            Some(Estimator::Localizer(localizer)) => localizer.states(),
             None => &[],
         }
     }
@@ -151,6 +190,16 @@ impl Pipeline {
     pub fn calibration(&self) -> Option<Calibration> {
         match &self.estimator {
             Some(Estimator::Walls(walls)) => Some(walls.calibration()),
+            Some(Estimator::Localizer(localizer)) => Some(localizer.calibration()),
+            _ => None,
+        }
+    }
+
+    /// Everything worth remembering; none before there is something, nor where a known map is not to be changed.
+    #[must_use]
+    pub fn memory(&self) -> Option<Memory> {
+        match &self.estimator {
+            Some(Estimator::Walls(walls)) => walls.memory(),
             _ => None,
         }
     }
@@ -292,7 +341,10 @@ impl Pipeline {
         if self.aligner.ring() == Some(&ring) {
             return;
         }
-        self.estimator = Some(Estimator::new(&self.config, &ring));
+        self.estimator = Estimator::new(&self.config, &ring, &self.start).ok();
+        if let Start::Resume(memory) = &self.start {
+            self.events.extend(memory.faults(at, ring.len()));
+        }
         self.events.push(Event::Ring { at, sensors: ring.len() });
         self.aligner.set_ring(ring);
     }

@@ -17,6 +17,7 @@ use crate::geometry::{Pose2, Ring, wrap_angle};
 use crate::mapping::cone::{self, Target};
 use crate::mapping::grid::OccupancyGrid;
 use crate::mapping::raster::Raster;
+use crate::memory::{Impossible, Memory, SensorMemory};
 use crate::orientation::axis::AxisFinder;
 use crate::orientation::start;
 use crate::position::tracker::{Tracker, Use};
@@ -45,6 +46,8 @@ const FIRST_TRAVEL_M: f64 = 3.0 * 8.0 * 8.0;
 const MOST_SWEEPS: usize = 300;
 /// A direction is believed when its votes gather this much better than the median direction's.
 const CONTRAST: f64 = 1.25;
+/// A robot that was put back by hand stands this far from where it stood, metres.
+const RESUME_SIGMA_M: f64 = 0.1;
 const AXIS_SIGMA_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
 /// The variation from which on a sensor loses its say in the first component.
 const CALM_M2: f64 = 0.01;
@@ -69,6 +72,63 @@ impl Walls {
             tracker: None,
             grid: OccupancyGrid::new(config.map.cell_m),
         }
+    }
+
+    /// The method in a building that it knows: it goes on at the remembered pose, of which it is less certain than it was, for
+    /// somebody may have touched the robot.
+    ///
+    /// # Errors
+    /// Where the memory holds what cannot be.
+    pub fn resume(config: &Config, ring: &Ring, memory: &Memory) -> Result<Self, Impossible> {
+        let mut tracker = Tracker::restore(memory)?;
+        tracker.filter.inflate(RESUME_SIGMA_M, AXIS_SIGMA_RAD);
+        let mut detector = Detector::new(ring.len(), config.ring.max_range_m);
+        detector.restore(&memory.sensors);
+        let grid = OccupancyGrid::restore(&memory.map)?;
+        Ok(Self { tracker: Some(tracker), detector, grid, ..Self::new(config, ring) })
+    }
+
+    /// The method in a building that it knows and does not change, at `pose`, which is known to `sigma_m` and [`AXIS_SIGMA_RAD`];
+    /// what was found of the sensors meanwhile stays.
+    ///
+    /// # Errors
+    /// Where the memory holds what cannot be.
+    pub fn localized(self, memory: &Memory, pose: Pose2, sigma_m: f64) -> Result<Self, Impossible> {
+        let mut tracker = Tracker::restore(memory)?;
+        tracker.fix_walls();
+        tracker.filter.place(pose, sigma_m, AXIS_SIGMA_RAD);
+        Ok(Self {
+            tracker: Some(tracker),
+            grid: OccupancyGrid::restore(&memory.map)?,
+            axis: AxisFinder::default(),
+            ..self
+        })
+    }
+
+    /// Everything worth remembering; none before the building's axis is found.
+    #[must_use]
+    pub fn memory(&self) -> Option<Memory> {
+        let tracker = self.tracker.as_ref()?;
+        let (walls, parked) = tracker.wall_memory();
+        Some(Memory {
+            filter: tracker.filter.memory(),
+            walls,
+            parked,
+            map: self.grid.memory(),
+            sensors: self.detector.states().iter().map(|&state| SensorMemory { state }).collect(),
+        })
+    }
+
+    /// The robot in the map; none before the building's axis is found.
+    #[must_use]
+    pub fn pose(&self) -> Option<Pose2> {
+        self.tracker.as_ref().map(|tracker| tracker.filter.pose())
+    }
+
+    /// What became of each beam of the last sweep, by sensor.
+    #[must_use]
+    pub fn uses(&self) -> &[Use] {
+        self.tracker.as_ref().map_or(&[], Tracker::uses)
     }
 
     /// Uses one sweep.
@@ -173,7 +233,7 @@ impl Walls {
 
     /// Draws what the trusted beams heard.
     fn draw(&mut self, sweep: &Sweep) {
-        let Some(tracker) = &self.tracker else { return };
+        let Some(tracker) = self.tracker.as_ref().filter(|tracker| !tracker.is_fixed()) else { return };
         let pose = tracker.filter.pose();
         for (sensor, (beam, used)) in sweep.beams.iter().zip(tracker.uses()).enumerate() {
             let (range_m, target) = match used {

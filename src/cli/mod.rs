@@ -4,6 +4,7 @@ mod doctor;
 mod failure;
 mod import;
 mod inspect;
+mod kept;
 mod ports;
 mod replay;
 mod run;

@@ -1,11 +1,12 @@
 //! `slamd replay FILE`
 
+use super::kept::KeptArgs;
 use super::{Failure, Kind, OutputArgs, terminal};
 use crate::capture::CaptureReader;
 use crate::config::Config;
 use crate::metrics::TrueFault;
+use crate::session_file::Saver;
 use crate::source::replay::replay;
-use crate::source::session::Session;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -13,6 +14,8 @@ use std::path::PathBuf;
 pub(super) struct ReplayArgs {
     /// A capture (MCAP): recorded with --record, simulated or imported.
     file: PathBuf,
+    #[command(flatten)]
+    kept: KeptArgs,
     #[command(flatten)]
     output: OutputArgs,
 }
@@ -29,7 +32,7 @@ impl ReplayArgs {
                 format!("{}: its configuration: {error}; give one with --config", self.file.display()),
             )
         })?;
-        let mut session = Session::new(self.output.configuration(embedded)?, &self.output.out)?;
+        let mut session = self.kept.begin(self.output.configuration(embedded)?, &self.output.out)?;
         if let Some(words) = &info.faults {
             let faults: Result<Vec<TrueFault>, _> = words.iter().map(|word| word.parse()).collect();
             let faults =
@@ -41,6 +44,10 @@ impl ReplayArgs {
         bar.finish_and_clear();
         if let Some(damage) = capture.damage() {
             tracing::warn!("{}: {damage}; what was readable has been used", self.file.display());
+        }
+        self.kept.save_calibration(&session)?;
+        if let Some(path) = &self.kept.save_session {
+            Saver::new(path.clone()).finish(session.memory())?;
         }
         let (summary, faulty) = session.finish()?;
         terminal::report(&summary, &faulty, &self.output.out, self.output.json);

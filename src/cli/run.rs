@@ -1,13 +1,14 @@
 //! `slamd --port DEV`, the same as `slamd run --port DEV`
 
+use super::kept::KeptArgs;
 use super::{Failure, Kind, OutputArgs, terminal};
 use crate::capture::CaptureInfo;
 use crate::config::Config;
-use crate::daemon::{self, Options, Shutdown};
+use crate::daemon::{self, Files, Options, Shutdown};
 use crate::link::Link;
 use crate::port::PortName;
 use crate::recorder::Recorder;
-use crate::source::session::Session;
+use crate::session_file::Saver;
 use clap::Args;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -30,6 +31,8 @@ pub(super) struct RunArgs {
     #[arg(long)]
     exit_on_hangup: bool,
     #[command(flatten)]
+    kept: KeptArgs,
+    #[command(flatten)]
     output: OutputArgs,
 }
 
@@ -47,14 +50,18 @@ impl RunArgs {
         let Some(port) = port.map_err(|trouble| Failure::new(Kind::Unavailable, trouble.to_string()))? else {
             return Ok(());
         };
+        let mut session = self.kept.begin(config.clone(), &self.output.out)?;
+        let mut saver = self.kept.save_session.clone().map(Saver::new);
         let mut recorder = match &self.record {
             Some(path) => Some(Recorder::begin(path, &info(&config)).map_err(Failure::creating)?),
             None => None,
         };
-        let mut session = Session::new(config, &self.output.out)?;
-        let run = daemon::run(options, port, &mut link, &mut shutdown, &mut session, &mut recorder);
+        let files = Files { recorder: &mut recorder, saver: &mut saver };
+        let run = daemon::run(options, port, &mut link, &mut shutdown, &mut session, files);
         let result = runtime.block_on(run);
         // Whatever went wrong, the map is kept.
+        let saved = saver.map_or(Ok(()), |saver| saver.finish(session.memory()));
+        let calibration = self.kept.save_calibration(&session);
         let (summary, faulty) = session.finish()?;
         terminal::report(&summary, &faulty, &self.output.out, self.output.json);
         if let Some(recorder) = recorder {
@@ -63,6 +70,8 @@ impl RunArgs {
                 tracing::error!("{dropped} chunks are missing from the recording");
             }
         }
+        saved?;
+        calibration?;
         Ok(result?)
     }
 }

@@ -6,6 +6,7 @@
 //! map expects. A single odd reading is the pose filter's gate's business: it declares no fault.
 
 use crate::event::{Event, FaultEvent, FaultKind, SensorState};
+use crate::memory::SensorMemory;
 use crate::sweep::{NoMeasurement, Sweep};
 
 /// The evidence gathered against one sensor.
@@ -65,6 +66,21 @@ impl Detector {
     #[must_use]
     pub fn states(&self) -> &[SensorState] {
         &self.states
+    }
+
+    /// Takes over what was known of the sensors; each keeps its state until its readings speak against it.
+    pub fn restore(&mut self, sensors: &[SensorMemory]) {
+        let known = self.sensors.iter_mut().zip(&mut self.states).zip(sensors);
+        for ((suspicion, state), SensorMemory { state: remembered }) in known {
+            (suspicion.state, *state) = (*remembered, *remembered);
+            match remembered {
+                SensorState::Faulty(FaultKind::Saturated) => suspicion.saturated = CONVICT,
+                SensorState::Faulty(FaultKind::Missing) => suspicion.missing = CONVICT,
+                SensorState::Faulty(FaultKind::Noisy) => suspicion.noisy = CONVICT,
+                SensorState::Faulty(FaultKind::Stuck) => suspicion.repeats = STUCK_REPEATS,
+                SensorState::Healthy => {}
+            }
+        }
     }
 
     /// True where the sensor's readings may be used.

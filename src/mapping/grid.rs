@@ -5,6 +5,7 @@
 
 use super::raster::Raster;
 use crate::geometry::Point;
+use crate::memory::{Impossible, MapMemory, TileMemory};
 use std::collections::HashMap;
 
 /// Cells along a tile's side.
@@ -12,6 +13,8 @@ const SIDE: i32 = 32;
 const TILE: usize = SIDE.unsigned_abs() as usize;
 /// Tiles at most: 10,000 m² of 5 cm cells take about 4,000.
 const MAX_TILES: usize = 16_384;
+/// A restored map reaches no farther, in tiles: 800 m of 5 cm cells.
+const FARTHEST_TILE: i32 = 500;
 /// Log-odds are clamped here, in hundredths: p from 0.04 to 0.98.
 const FLOOR: i16 = -320;
 const CEILING: i16 = 400;
@@ -79,6 +82,42 @@ impl OccupancyGrid {
     #[must_use]
     pub fn log_odds(&self, cell: Cell) -> i16 {
         self.places.get(&tile_of(cell)).map_or(0, |&tile| self.tiles[tile][place_in_tile(cell)])
+    }
+
+    /// The tiles as plain numbers, in the order of their places.
+    #[must_use]
+    pub fn memory(&self) -> MapMemory {
+        let mut places: Vec<_> = self.places.iter().collect();
+        places.sort_unstable();
+        let tile = |(&(column, row), &tile): (&(i32, i32), &usize)| TileMemory {
+            column,
+            row,
+            log_odds: self.tiles[tile].to_vec(),
+        };
+        MapMemory { cell_m: self.cell_m, tiles: places.into_iter().map(tile).collect() }
+    }
+
+    /// The grid that wrote the memory.
+    ///
+    /// # Errors
+    /// Where cells or tiles are none that a grid could have.
+    pub fn restore(memory: &MapMemory) -> Result<Self, Impossible> {
+        if !(0.005..=1.0).contains(&memory.cell_m) || memory.tiles.len() > MAX_TILES {
+            return Err(Impossible("the map's cells are of no usable size or number"));
+        }
+        let mut grid = Self::new(memory.cell_m);
+        for tile in &memory.tiles {
+            let cells = Tile::try_from(&tile.log_odds[..]).map_err(|_| Impossible("a tile of the map is not whole"))?;
+            let is_near = tile.column.abs().max(tile.row.abs()) < FARTHEST_TILE;
+            if !is_near || cells.iter().any(|value| !(FLOOR..=CEILING).contains(value)) {
+                return Err(Impossible("a tile of the map holds what no tile can"));
+            }
+            if grid.places.insert((tile.column, tile.row), grid.tiles.len()).is_some() {
+                return Err(Impossible("a tile of the map is there twice"));
+            }
+            grid.tiles.push(cells);
+        }
+        Ok(grid)
     }
 
     fn tile(&mut self, cell: Cell) -> Option<usize> {

@@ -20,7 +20,7 @@ pub const ROBOT: usize = 5;
 /// Walls that the filter holds at most.
 pub const MAX_WALLS: usize = 160;
 
-type Robot = SVector<f64, ROBOT>;
+pub(super) type Robot = SVector<f64, ROBOT>;
 
 /// Random error of a wheel's travel: variance per metre rolled, m.
 const WHEEL_NOISE_M: f64 = 3.5e-5;
@@ -30,12 +30,12 @@ const WHEEL_DRIFT_M: f64 = 2e-8;
 /// The filter's state and covariance.
 #[derive(Clone, Debug)]
 pub struct Filter {
-    robot: Robot,
-    offsets: Vec<f64>,
-    robot_cov: SMatrix<f64, ROBOT, ROBOT>,
-    cross: Vec<Robot>,
-    wall_cov: Vec<f64>,
-    nominal: Calibration,
+    pub(super) robot: Robot,
+    pub(super) offsets: Vec<f64>,
+    pub(super) robot_cov: SMatrix<f64, ROBOT, ROBOT>,
+    pub(super) cross: Vec<Robot>,
+    pub(super) wall_cov: Vec<f64>,
+    pub(super) nominal: Calibration,
     column: Vec<f64>,
 }
 

@@ -2,6 +2,8 @@
 
 pub mod beam_model;
 pub mod filter;
+mod filter_memory;
 pub mod nursery;
 pub mod paper_ekf;
 pub mod tracker;
+mod tracker_memory;

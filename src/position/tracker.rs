@@ -19,15 +19,15 @@ pub struct Wall {
     pub hi_m: f64,
     /// Sweeps that have seen it.
     pub hits: u32,
-    last_sweep: u64,
+    pub(super) last_sweep: u64,
 }
 
 /// A wall out of the filter's sight, with its offset and variance as they were.
 #[derive(Clone, Copy, Debug)]
-struct Parked {
-    wall: Wall,
-    offset_m: f64,
-    variance: f64,
+pub(super) struct Parked {
+    pub(super) wall: Wall,
+    pub(super) offset_m: f64,
+    pub(super) variance: f64,
 }
 
 /// What became of a beam.
@@ -46,8 +46,10 @@ pub enum Use {
 pub struct Tracker {
     /// The filter over pose, wheels and walls.
     pub filter: Filter,
-    walls: Vec<Wall>,
-    parked: Vec<Parked>,
+    pub(super) walls: Vec<Wall>,
+    pub(super) parked: Vec<Parked>,
+    /// True where the walls are known and none is learnt or changed.
+    pub(super) is_fixed: bool,
     nursery: Nursery,
     uses: Vec<Use>,
     matches: Vec<Option<usize>>,
@@ -60,6 +62,8 @@ const GATE_SIGMA: f64 = 2.8;
 const MOST_OBLIQUE_RAD: f64 = 4.0 * std::f64::consts::PI / 180.0;
 /// Walls are not that flat, and sounds not that straight: floor of one wall's fused noise, metres.
 const MODEL_SIGMA_M: f64 = 0.008;
+/// The same where the walls are those of another drive, which knew them no better.
+const FIXED_SIGMA_M: f64 = 0.025;
 /// A wall may be heard this far beyond where it has been seen.
 const MARGIN_M: f64 = 0.15;
 /// Two sightings of one side nearer than this, and within the gate, are one wall.
@@ -79,6 +83,7 @@ impl Tracker {
             filter: Filter::new(pose, heading_sigma_rad, nominal),
             walls: Vec::with_capacity(MAX_WALLS),
             parked: Vec::new(),
+            is_fixed: false,
             nursery: Nursery::default(),
             uses: Vec::new(),
             matches: Vec::new(),
@@ -153,9 +158,17 @@ impl Tracker {
             }
         }
         self.nis = nis_sum / seen;
-        self.learn(sweep);
-        self.merge();
+        if !self.is_fixed {
+            self.learn(sweep);
+            self.merge();
+        }
         self.park();
+    }
+
+    /// Variance of a wall's fused noise.
+    fn model_variance(&self) -> f64 {
+        let sigma_m = if self.is_fixed { FIXED_SIGMA_M } else { MODEL_SIGMA_M };
+        sigma_m * sigma_m
     }
 
     /// The wall that explains a sighting best, within the gate.
@@ -170,7 +183,7 @@ impl Tracker {
                 continue;
             }
             let measurement = self.measure(sighting, index);
-            let variance = self.filter.innovation_variance(&measurement) + MODEL_SIGMA_M * MODEL_SIGMA_M;
+            let variance = self.filter.innovation_variance(&measurement) + self.model_variance();
             let distance = measurement.innovation * measurement.innovation / variance;
             if distance < GATE_SIGMA * GATE_SIGMA && best.is_none_or(|(least, _)| distance < least) {
                 best = Some((distance, index));
@@ -202,7 +215,7 @@ impl Tracker {
             weight += 1.0 / measurement.variance;
             innovation += measurement.innovation / measurement.variance;
             robot += measurement.robot / measurement.variance;
-            if sighting.oblique_rad < 0.1 {
+            if sighting.oblique_rad < 0.1 && !self.is_fixed {
                 let extent = &mut self.walls[wall];
                 extent.lo_m = extent.lo_m.min(sighting.along_m);
                 extent.hi_m = extent.hi_m.max(sighting.along_m);
@@ -212,7 +225,7 @@ impl Tracker {
             innovation: innovation / weight,
             robot: robot / weight,
             wall: (wall, self.walls[wall].side.sign()),
-            variance: 1.0 / weight + MODEL_SIGMA_M * MODEL_SIGMA_M,
+            variance: 1.0 / weight + self.model_variance(),
         })
     }
 

@@ -11,7 +11,7 @@ mod trajectory;
 pub use summary::Summary;
 
 use crate::config::Config;
-use crate::event::{Calibration, Counters, Event, SensorState};
+use crate::event::{Calibration, Counters, Event, PositionEvent, SensorState};
 use crate::geometry::{Pose2, Ring};
 use crate::mapping::raster::Raster;
 use crate::metrics::{AccuracyMeter, FaultMeter, TrueFault};
@@ -66,6 +66,7 @@ pub struct Outputs {
     pose: Pose2,
     accuracy: AccuracyMeter,
     faults: Option<FaultMeter>,
+    position: Option<PositionEvent>,
     timings: Timings,
 }
 
@@ -89,6 +90,7 @@ impl Outputs {
             pose: Pose2::default(),
             accuracy: AccuracyMeter::default(),
             faults: None,
+            position: None,
             timings: Timings::new(),
         })
     }
@@ -123,6 +125,7 @@ impl Outputs {
                     faults.state(fault.sensor, fault.state);
                 }
             }
+            Event::Position(position) => self.position = Some(position.clone()),
             Event::Board { .. }
             | Event::Ring { .. }
             | Event::BoardLog { .. }
@@ -160,6 +163,7 @@ impl Outputs {
     pub fn finish(self, state: &FinalState<'_>) -> Result<Summary, PublishError> {
         let mut summary = Summary::new(state.counters);
         summary.calibration = state.calibration;
+        summary.position.clone_from(&self.position);
         summary.accuracy = self.accuracy.accuracy();
         summary.faults = self.faults.as_ref().map(FaultMeter::score);
         (summary.mean_us_per_sweep, summary.p99_us_per_sweep) = self.timings.mean_and_p99_us().unzip();

@@ -1,6 +1,6 @@
 //! `summary.json`: a run in a few numbers, keys always in the same order.
 
-use crate::event::{Calibration, Counters};
+use crate::event::{Calibration, Counters, PositionEvent};
 use crate::metrics::{Accuracy, FaultScore};
 use hdrhistogram::Histogram;
 use serde::Serialize;
@@ -27,6 +27,8 @@ pub struct Summary {
     pub map_sha256: String,
     /// The wheels as the run found them; none where the method does not estimate them.
     pub calibration: Option<Calibration>,
+    /// What is known of the place in a known map; none where it was not sought.
+    pub position: Option<PositionEvent>,
     /// Errors against the true path, where it is known.
     #[serde(flatten)]
     pub accuracy: Option<Accuracy>,
@@ -47,6 +49,7 @@ impl Summary {
             trajectory_sha256: String::new(),
             map_sha256: String::new(),
             calibration: None,
+            position: None,
             accuracy: None,
             faults: None,
         }

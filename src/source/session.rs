@@ -4,11 +4,12 @@
 //! depends on what was read and written and when, never on when a timer fired: a recording replays bit for bit.
 
 use crate::config::Config;
-use crate::event::{Event, FaultEvent, Input, Output, SensorState};
+use crate::event::{Event, FaultEvent, Input, Output, PositionEvent, SensorState};
 use crate::geometry::{Pose2, Ring};
 use crate::link::Reception;
+use crate::memory::{Impossible, Memory};
 use crate::metrics::TrueFault;
-use crate::pipeline::Pipeline;
+use crate::pipeline::{Pipeline, Start};
 use crate::publish::{FinalState, Outputs, PublishError, Summary};
 use crate::time::Timestamp;
 use bytes::Bytes;
@@ -33,6 +34,29 @@ impl Session {
         let pipeline = Pipeline::new(&config);
         let outputs = Outputs::create(folder)?;
         Ok(Self { config, pipeline, outputs, transmit: Vec::new(), faulty: Vec::new(), now: Timestamp::default() })
+    }
+
+    /// The same session, beginning with what another has remembered.
+    ///
+    /// # Errors
+    /// Where the memory holds what cannot be, or the configured method cannot use it.
+    pub fn begin_with(mut self, start: Start) -> Result<Self, Impossible> {
+        self.pipeline = Pipeline::begin(&self.config, start)?;
+        Ok(self)
+    }
+
+    /// Everything worth remembering; none before there is something.
+    #[must_use]
+    pub fn memory(&self) -> Option<Memory> {
+        self.pipeline.memory()
+    }
+
+    /// The configuration with the wheels as this session has learnt them; none where the method learns none.
+    #[must_use]
+    pub fn calibrated(&self) -> Option<Config> {
+        let mut config = self.config.clone();
+        config.robot.set_wheels(&self.pipeline.calibration()?);
+        Some(config)
     }
 
     /// What truly fails, where somebody knows it.
@@ -169,6 +193,8 @@ impl Session {
                 }
                 self.faulty[sensor] = (fault.state != SensorState::Healthy).then_some(fault);
             }
+            Event::Position(PositionEvent { is_known: true, reason, .. }) => tracing::info!("{reason}"),
+            Event::Position(PositionEvent { reason, .. }) => tracing::warn!("{reason}"),
             Event::Estimate(_) => {}
         }
     }
