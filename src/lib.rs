@@ -30,6 +30,7 @@ pub mod walls;
 
 pub mod pipeline;
 
+pub mod calibrate;
 pub mod capture;
 pub mod doctor;
 pub mod import;

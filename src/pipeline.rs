@@ -38,6 +38,7 @@ pub struct Pipeline {
     aligner: Aligner,
     start: Start,
     estimator: Option<Estimator>,
+    kept_sweeps: Option<Vec<Sweep>>,
     last_seq: Option<u8>,
     counters: Counters,
     events: Vec<Event>,
@@ -113,6 +114,7 @@ impl Pipeline {
             aligner: Aligner::new(&config.ring),
             start,
             estimator: None,
+            kept_sweeps: None,
             last_seq: None,
             counters: Counters::default(),
             events: Vec::new(),
@@ -125,6 +127,16 @@ impl Pipeline {
             pipeline.use_ticks(ticks);
         }
         pipeline
+    }
+
+    /// Keeps each sweep for [`Pipeline::take_sweeps`].
+    pub fn keep_sweeps(&mut self) {
+        self.kept_sweeps = Some(Vec::new());
+    }
+
+    /// The sweeps since the last call, where they are kept.
+    pub fn take_sweeps(&mut self) -> Vec<Sweep> {
+        self.kept_sweeps.as_mut().map(std::mem::take).unwrap_or_default()
     }
 
     /// Takes one input. Never fails: what is wrong with it becomes an event or a counter.
@@ -255,7 +267,7 @@ impl Pipeline {
         if self.conversation.board().is_refused() {
             return;
         }
-        let Self { conversation, aligner, estimator, counters, events, .. } = self;
+        let Self { conversation, aligner, estimator, kept_sweeps, counters, events, .. } = self;
         let trust = match &message {
             Message::Sonar(Sonar { t_us, .. }) | Message::Encoder(Encoder { t_us, .. }) => {
                 conversation.trust(at, || aligner.continues(*t_us, at))
@@ -269,6 +281,9 @@ impl Pipeline {
                 conversation.fired(at);
                 counters.groups += 1;
                 aligner.sonar(sonar, at, |sweep| {
+                    if let Some(kept) = kept_sweeps {
+                        kept.push(sweep.clone());
+                    }
                     if let Some(estimator) = estimator {
                         estimator.update(sweep, events);
                         counters.sweeps += 1;

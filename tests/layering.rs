@@ -49,6 +49,11 @@ const TABLE: &[(&str, &[&str], bool)] = &[
         ],
         false,
     ),
+    (
+        "calibrate",
+        &["time", "geometry", "event", "config", "sweep", "memory", "position", "pipeline", "capture", "metrics"],
+        false,
+    ),
     ("doctor", &["protocol", "time", "geometry", "event", "config", "align", "board", "link", "pipeline"], false),
     ("session_file", &["time", "memory"], true),
     ("capture", &["time", "geometry"], true),

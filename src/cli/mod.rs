@@ -1,5 +1,6 @@
 //! The command line.
 
+mod calibrate;
 mod doctor;
 mod failure;
 mod import;
@@ -42,6 +43,7 @@ enum Command {
     Simulate(Box<simulate::SimulateArgs>),
     /// Turn a recording of another robot into a capture.
     Import(import::ImportArgs),
+    Calibrate(calibrate::CalibrateArgs),
     /// Tell what is in a capture: messages, rates, gaps, faults.
     Inspect(inspect::InspectArgs),
     /// List the serial ports and who holds them.
@@ -119,6 +121,7 @@ pub fn main() -> ExitCode {
         Command::Replay(args) => args.run(),
         Command::Simulate(args) => args.run(),
         Command::Import(args) => args.run().map_err(Failure::from),
+        Command::Calibrate(args) => args.run(),
         Command::Inspect(args) => args.run().map_err(Failure::from),
         Command::Ports(args) => args.run(),
         Command::Doctor(args) => args.run(),

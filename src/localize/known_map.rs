@@ -1,7 +1,9 @@
 //! A known map, ready to say how well the cells of another one lie on it.
 //!
-//! Each cell holds two marks: what it means that the other map has something solid here, and what it means that it has free floor
-//! here. Above them stand coarser levels, as in Cartographer's scan matcher (Hess and others, 2016): a place of level h holds
+//! Each cell holds two marks: what it means that the other map has something solid here, and what it means that it has surely free
+//! floor here. Only contradictions count against a place: something solid on surely free floor, or the other way round. A wall
+//! where this map has none is nearly as good as one where it has, for maps have gaps; a room with two alike ends of which one was
+//! mapped badly must not be told apart by that. Above them stand coarser levels, as in Cartographer's scan matcher (Hess and others, 2016): a place of level h holds
 //! the greatest mark of the 2^h × 2^h cells from it on, so the sum over the points is a bound for all translations in that square.
 
 use crate::mapping::raster::Raster;
@@ -10,17 +12,19 @@ use crate::mapping::raster::Raster;
 pub(super) const LEVELS: usize = 6;
 /// Percent from which a cell is solid, and up to which it is free.
 pub(super) const SOLID: i8 = 65;
-pub(super) const FREE: i8 = 35;
+const FREE: i8 = 35;
 /// Marks of a solid cell by its distance in cells from the nearest solid cell of the map.
 const SOLID_BY_DISTANCE: [i8; 3] = [20, 16, 8];
-/// Solid where the map is free, and where it knows nothing.
+/// Solid on floor that is surely free, and where the map may only have missed a wall.
 const SOLID_ON_FREE: i8 = -10;
-const SOLID_ON_UNKNOWN: i8 = -2;
-const FREE_ON_FREE: i8 = 3;
+const SOLID_ELSEWHERE: i8 = 10;
+const FREE_ELSEWHERE: i8 = 3;
 const FREE_ON_SOLID: i8 = -10;
+/// Floor this many cells from anything else is surely free: beams that miss a wall clear a little of what lies behind it.
+const DEEP: i32 = 9;
 
 /// The marks that a perfect fit would get per solid and per free point.
-pub(super) const BEST_MARKS: [i32; 2] = [SOLID_BY_DISTANCE[0] as i32, FREE_ON_FREE as i32];
+pub(super) const BEST_MARKS: [i32; 2] = [SOLID_BY_DISTANCE[0] as i32, FREE_ELSEWHERE as i32];
 
 /// Marks of the cells, or of squares of cells.
 #[derive(Clone, Debug)]
@@ -40,7 +44,7 @@ pub(super) struct KnownMap {
 
 /// Places in front of the map's first cell: the squares that reach into it begin there.
 pub(super) const MARGIN: i32 = 1 << (LEVELS - 1);
-const NOTHING: [i8; 2] = [SOLID_ON_UNKNOWN, 0];
+const NOTHING: [i8; 2] = [SOLID_ELSEWHERE, FREE_ELSEWHERE];
 
 impl KnownMap {
     /// The map of a raster.
@@ -52,10 +56,16 @@ impl KnownMap {
             let inside = (0..columns).contains(&column) && (0..rows).contains(&row);
             if inside { raster.occupancy[row as usize * raster.width + column as usize] } else { Raster::UNKNOWN }
         };
+        let depths = depths(raster);
+        let is_deep = |column: i32, row: i32| depths[row as usize * raster.width + column as usize] >= DEEP;
         let mut marks = Vec::with_capacity(width as usize * height as usize);
         for row in -MARGIN..rows {
             for column in -MARGIN..columns {
-                marks.push(if column < 0 || row < 0 { NOTHING } else { marks_of(&value, column, row) });
+                marks.push(if column < 0 || row < 0 {
+                    NOTHING
+                } else {
+                    marks_of(&value, is_deep(column, row), column, row)
+                });
             }
         }
         map.levels.push(Level { marks });
@@ -82,9 +92,7 @@ impl KnownMap {
     }
 }
 
-fn marks_of(value: &impl Fn(i32, i32) -> i8, column: i32, row: i32) -> [i8; 2] {
-    let here = value(column, row);
-    let is_free = here != Raster::UNKNOWN && here <= FREE;
+fn marks_of(value: &impl Fn(i32, i32) -> i8, is_deep: bool, column: i32, row: i32) -> [i8; 2] {
     let reach = signed(SOLID_BY_DISTANCE.len()) - 1;
     let mut nearest: Option<i32> = None;
     for y in -reach..=reach {
@@ -97,17 +105,38 @@ fn marks_of(value: &impl Fn(i32, i32) -> i8, column: i32, row: i32) -> [i8; 2] {
     }
     let solid = match nearest {
         Some(distance) => SOLID_BY_DISTANCE[distance as usize],
-        None if is_free => SOLID_ON_FREE,
-        None => SOLID_ON_UNKNOWN,
+        None if is_deep => SOLID_ON_FREE,
+        None => SOLID_ELSEWHERE,
     };
-    let free = if nearest == Some(0) {
-        FREE_ON_SOLID
-    } else if is_free {
-        FREE_ON_FREE
-    } else {
-        0
+    [solid, if nearest == Some(0) { FREE_ON_SOLID } else { FREE_ELSEWHERE }]
+}
+
+/// Each cell's distance in steps of a king from the nearest one that is not free; row by row.
+fn depths(raster: &Raster) -> Vec<i32> {
+    let mut depths: Vec<i32> =
+        raster.occupancy.iter().map(|value| if (0..=FREE).contains(value) { i32::MAX / 2 } else { 0 }).collect();
+    let (width, height) = (signed(raster.width), signed(raster.height));
+    let index = |column: i32, row: i32| row as usize * raster.width + column as usize;
+    let mut relax = |column: i32, row: i32, neighbours: [(i32, i32); 4]| {
+        for (x, y) in neighbours.map(|(x, y)| (column + x, row + y)) {
+            let inside = (0..width).contains(&x) && (0..height).contains(&y);
+            let bound = if inside { depths[index(x, y)] + 1 } else { 1 };
+            let here = &mut depths[index(column, row)];
+            *here = (*here).min(bound);
+        }
     };
-    [solid, free]
+    for (row, column) in (0..height).flat_map(|row| (0..width).map(move |column| (row, column))) {
+        relax(column, row, [(-1, 0), (-1, -1), (0, -1), (1, -1)]);
+    }
+    for (row, column) in (0..height).rev().flat_map(|row| (0..width).rev().map(move |column| (row, column))) {
+        relax(column, row, [(1, 0), (1, 1), (0, 1), (-1, 1)]);
+    }
+    depths
+}
+
+/// The cells that are surely free.
+pub(super) fn surely_free(raster: &Raster) -> Vec<bool> {
+    depths(raster).into_iter().map(|depth| depth >= DEEP).collect()
 }
 
 /// A number of cells; maps have far fewer than 2³¹ to a side.

@@ -4,7 +4,7 @@
 //! the rest is a translation in whole cells. The fit of a place is the sum of its points' marks ([`super::known_map`]) over
 //! what a perfect fit would get: 1 is perfect, 0 is chance.
 
-use super::known_map::{BEST_MARKS, FREE, KnownMap, LEVELS, MARGIN, SOLID, signed};
+use super::known_map::{BEST_MARKS, KnownMap, LEVELS, MARGIN, SOLID, signed, surely_free};
 use crate::geometry::{Point, Pose2};
 use crate::mapping::raster::Raster;
 use std::collections::BinaryHeap;
@@ -69,7 +69,8 @@ impl Searcher {
     /// `least_solid` solid cells.
     #[must_use]
     pub fn find(&self, new: &Raster, least_solid: usize, margin: f64) -> Option<Found> {
-        let points = [SOLID..=100, 0..=FREE].map(|kind| self.points(new, |value| kind.contains(&value)));
+        let is_free = surely_free(new);
+        let points = [self.points(new, |cell| new.occupancy[cell] >= SOLID), self.points(new, |cell| is_free[cell])];
         if points[0].len() < least_solid {
             return None;
         }
@@ -87,8 +88,8 @@ impl Searcher {
     }
 
     /// Middles of the cells of one kind, in metres, thinned evenly.
-    fn points(&self, new: &Raster, is_kind: impl Fn(i8) -> bool) -> Vec<Point> {
-        let cells: Vec<usize> = (0..new.occupancy.len()).filter(|&cell| is_kind(new.occupancy[cell])).collect();
+    fn points(&self, new: &Raster, is_kind: impl Fn(usize) -> bool) -> Vec<Point> {
+        let cells: Vec<usize> = (0..new.occupancy.len()).filter(|&cell| is_kind(cell)).collect();
         let stride = cells.len().div_ceil(MOST_POINTS).max(1);
         let middle = |cell: usize| {
             let (column, row) = (cell % new.width, cell / new.width);
