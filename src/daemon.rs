@@ -178,11 +178,10 @@ enum Wake {
     End,
 }
 
-/// Runs until the end is requested, or a hang-up where that is the end.
+/// Runs until the end is requested, or a hang-up where that is the end. Times count from `begin`.
 ///
 /// # Errors
 /// When an output cannot be written.
-#[expect(clippy::disallowed_methods, reason = "here time becomes an input")]
 pub async fn run(
     options: Options<'_>,
     mut port: OpenPort,
@@ -190,9 +189,9 @@ pub async fn run(
     shutdown: &mut Shutdown,
     session: &mut Session,
     files: Files<'_>,
+    begin: Instant,
 ) -> Result<(), DaemonError> {
     let Files { recorder, saver } = files;
-    let begin = Instant::now();
     let now = || Timestamp::default() + begin.elapsed();
     link.opened(now(), &port.name, &session.reception());
     loop {

@@ -11,7 +11,7 @@ use crate::recorder::Recorder;
 use crate::session_file::Saver;
 use clap::Args;
 use std::path::PathBuf;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 #[derive(Debug, Args)]
 pub(super) struct RunArgs {
@@ -52,12 +52,13 @@ impl RunArgs {
         };
         let mut session = self.kept.begin(config.clone(), &self.output.out)?;
         let mut saver = self.kept.save_session.clone().map(Saver::new);
+        let (begin, info) = begin(&config);
         let mut recorder = match &self.record {
-            Some(path) => Some(Recorder::begin(path, &info(&config)).map_err(Failure::creating)?),
+            Some(path) => Some(Recorder::begin(path, &info).map_err(Failure::creating)?),
             None => None,
         };
         let files = Files { recorder: &mut recorder, saver: &mut saver };
-        let run = daemon::run(options, port, &mut link, &mut shutdown, &mut session, files);
+        let run = daemon::run(options, port, &mut link, &mut shutdown, &mut session, files, begin);
         let result = runtime.block_on(run);
         // Whatever went wrong, the map is kept.
         let saved = saver.map_or(Ok(()), |saver| saver.finish(session.memory()));
@@ -76,15 +77,18 @@ impl RunArgs {
     }
 }
 
-#[expect(clippy::disallowed_methods, reason = "anchors the recording's time in the calendar")]
-fn info(config: &Config) -> CaptureInfo {
+/// The session's time zero, and what its recording says of itself.
+#[expect(clippy::disallowed_methods, reason = "anchors the session's time in the calendar")]
+fn begin(config: &Config) -> (Instant, CaptureInfo) {
+    let begin = Instant::now();
     let since_1970 = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
-    CaptureInfo {
+    let info = CaptureInfo {
         slamd_version: env!("CARGO_PKG_VERSION").into(),
         protocol_version: format!("{}.{}", slamd_protocol::VERSION_MAJOR, slamd_protocol::VERSION_MINOR),
         config_toml: config.to_toml(),
         unix_zero_us: since_1970.ok().and_then(|span| u64::try_from(span.as_micros()).ok()),
         notes: String::new(),
         faults: None,
-    }
+    };
+    (begin, info)
 }

@@ -6,6 +6,8 @@
 //! mapped badly must not be told apart by that. Above them stand coarser levels, as in Cartographer's scan matcher (Hess and others, 2016): a place of level h holds
 //! the greatest mark of the 2^h × 2^h cells from it on, so the sum over the points is a bound for all translations in that square.
 
+#![expect(clippy::cast_sign_loss, reason = "places inside a map are not negative")]
+
 use crate::mapping::raster::Raster;
 
 /// Levels above the cells: the coarsest squares have 32 cells to a side.
@@ -16,10 +18,10 @@ const FREE: i8 = 35;
 /// Marks of a solid cell by its distance in cells from the nearest solid cell of the map.
 const SOLID_BY_DISTANCE: [i8; 3] = [20, 16, 8];
 /// Solid on floor that is surely free, and where the map may only have missed a wall.
-const SOLID_ON_FREE: i8 = -10;
-const SOLID_ELSEWHERE: i8 = 10;
+const SOLID_ON_FREE: i8 = -20;
+const SOLID_ELSEWHERE: i8 = 14;
 const FREE_ELSEWHERE: i8 = 3;
-const FREE_ON_SOLID: i8 = -10;
+const FREE_ON_SOLID: i8 = -20;
 /// Floor this many cells from anything else is surely free: beams that miss a wall clear a little of what lies behind it.
 const DEEP: i32 = 9;
 

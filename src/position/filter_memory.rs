@@ -37,7 +37,8 @@ impl Filter {
         }
         let wheels = memory.nominal;
         let mut numbers = memory.robot.iter().chain(&memory.offsets_m).chain(&memory.covariance);
-        if !numbers.all(|number| number.abs() < 1e9) || !(wheels.wheel_ratio > 0.0 && wheels.wheel_base_m > 0.0) {
+        let are_sizes = wheels.wheel_ratio > 0.0 && wheels.wheel_base_m > 0.0;
+        if !(numbers.all(|number| number.abs() < 1e9) && are_sizes) {
             return Err(Impossible("the filter's state is not made of usable numbers"));
         }
         let mut filter = Self::new(Pose2::default(), 0.0, memory.nominal);

@@ -190,6 +190,18 @@ impl Terminal {
         Self { master: master.into(), path }
     }
 
+    /// What the host has written by now.
+    pub fn read(&mut self) -> Vec<u8> {
+        let mut heard = [0; 256];
+        let count = self.master.read(&mut heard).unwrap_or(0);
+        heard[..count].to_vec()
+    }
+
+    /// Hands bytes to the host; how many it had no room for.
+    pub fn write(&mut self, bytes: &[u8]) -> usize {
+        bytes.len() - self.master.write(bytes).unwrap_or(0)
+    }
+
     /// The rate that the host has set for its end.
     fn baud(&self) -> Option<u32> {
         tcgetattr(&self.master).ok().map(|modes| modes.output_speed())
@@ -255,21 +267,20 @@ impl Drop for Plugged {
 #[expect(clippy::disallowed_methods, reason = "a board in real time is a clock")]
 fn play(mut terminal: Terminal, mut device: Device, shared: &Shared) -> Device {
     let (begin, ran) = (Instant::now(), device.ran);
-    let mut heard = [0; 256];
     while !shared.end.load(Ordering::Relaxed) {
         let mut spoken = device.speak(ran + begin.elapsed());
-        let mut count = terminal.master.read(&mut heard).unwrap_or(0);
-        if count == 0 {
+        let mut heard = terminal.read();
+        if heard.is_empty() {
             std::thread::sleep(Duration::from_millis(1));
         }
         if terminal.baud().is_some_and(|baud| baud != device.baud) {
             device.garble(&mut spoken);
-            count = 0;
+            heard.clear();
         }
-        spoken.extend(device.hear(&heard[..count]));
+        spoken.extend(device.hear(&heard));
         if !shared.stalled.load(Ordering::Relaxed) && !spoken.is_empty() {
-            let written = terminal.master.write(&spoken).unwrap_or(0);
-            shared.lost_bytes.fetch_add((spoken.len() - written) as u64, Ordering::Relaxed);
+            let lost = terminal.write(&spoken);
+            shared.lost_bytes.fetch_add(lost as u64, Ordering::Relaxed);
         }
     }
     device

@@ -8,6 +8,7 @@
 #include <avr/eeprom.h>
 #include <avr/interrupt.h>
 #include <avr/io.h>
+#include <avr/sleep.h>
 #include <util/atomic.h>
 #include <util/delay.h>
 
@@ -101,6 +102,8 @@ void slamd_port_begin(void) {
     UBRR0 = 16;
     UCSR0C = _BV(UCSZ01) | _BV(UCSZ00);
     UCSR0B = _BV(RXEN0) | _BV(TXEN0) | _BV(RXCIE0);
+    set_sleep_mode(SLEEP_MODE_IDLE);
+    sleep_enable();
     sei();
 }
 
@@ -169,6 +172,11 @@ bool slamd_port_send(const uint8_t *bytes, uint16_t len) {
 
 uint32_t slamd_port_send_delay_us(void) {
     return (uint32_t)waiting() * BYTE_US;
+}
+
+/* Each sleep ends with the next sample. */
+void slamd_port_rest(void) {
+    for (uint8_t i = 0; i < 8; i++) sleep_cpu();
 }
 
 uint8_t slamd_port_load(uint8_t at) {

@@ -27,6 +27,8 @@ bool slamd_port_receive(uint8_t *byte, uint32_t *t_us); /* t_us: arrival; needed
 bool slamd_port_send(const uint8_t *bytes, uint16_t len); /* all or, if they do not fit, none */
 uint32_t slamd_port_send_delay_us(void);            /* until a byte queued now leaves */
 
+void slamd_port_rest(void); /* sleeps at most 0.2 ms: nothing in the ring is more urgent */
+
 uint8_t slamd_port_load(uint8_t at);             /* 64 bytes that survive loss of supply, 0xFF when new */
 bool slamd_port_store(uint8_t at, uint8_t byte); /* begins to write what differs; false while the last write goes on */
 extern const char slamd_port_board[];            /* at most 16 bytes */

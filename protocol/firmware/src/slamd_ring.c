@@ -34,7 +34,7 @@ static uint32_t status_us, encoder_us, hello_us;
 
 static bool pinging;
 static uint8_t group;
-static uint32_t trigger_us, levels, high_at_trigger, rose, fell, stuck;
+static uint32_t due_us, trigger_us, levels, high_at_trigger, rose, fell, stuck;
 static int32_t trigger_ticks[2];
 static uint32_t rise_us[SENSORS_MAX];
 static uint16_t flight_us[SENSORS_MAX];
@@ -170,7 +170,7 @@ static void answer(const struct slamd_request *r, uint32_t rx_us) {
             uint32_t now_us = slamd_port_now_us();
             pinging = false;
             group = 0;
-            trigger_us = now_us - (uint32_t)setting(SLAMD_SLOT_US);
+            due_us = now_us;
             status_us = now_us - 1000000;
             encoder_us = now_us - (uint32_t)setting(SLAMD_ENCODER_PERIOD_MS) * 1000;
         }
@@ -275,9 +275,10 @@ static void begin_ping(void) {
 }
 
 static void fire(void) {
-    uint32_t slot_us = (uint32_t)setting(SLAMD_SLOT_US);
     take_edges();
-    if (!streaming || slamd_port_now_us() - trigger_us < slot_us) return;
+    if (!streaming || (int32_t)(slamd_port_now_us() - due_us) < 0) return;
+    /* From slot to slot, so that the time to send what was heard does not lower the rate. */
+    due_us += (uint32_t)setting(SLAMD_SLOT_US);
     if (pinging) end_ping();
     begin_ping();
 }
@@ -312,4 +313,5 @@ void slamd_ring_poll(void) {
     hear();
     report();
     save();
+    slamd_port_rest();
 }

@@ -11,7 +11,7 @@ extern "C" {
 #define SLAMD_FIRMWARE_VERSION "0.1.0"
 
 void slamd_ring_begin(void);
-void slamd_ring_poll(void); /* as often as possible; never waits */
+void slamd_ring_poll(void); /* as often as possible; rests 0.2 ms at most */
 
 /* The step between two readings of a quadrature encoder (bit 0 A, bit 1 B): A before B counts up. Two edges at once
  * have no direction and count nothing. */

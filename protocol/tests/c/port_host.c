@@ -16,6 +16,7 @@ static int32_t counts[2];
 static bool line_busy;
 
 void slamd_port_begin(void) {}
+void slamd_port_rest(void) {}
 uint32_t slamd_port_now_us(void) { return now_us; }
 uint32_t slamd_port_levels(void) {
     uint32_t levels = 0;

@@ -1,0 +1,107 @@
+//! The world around the emulated board: a robot that drives through the flat, and what its sonars and encoders put on the pins.
+
+#![allow(unreachable_pub, reason = "a test's module")]
+
+use slamd::geometry::{Pose2, Ring};
+use slamd::sim::explore::Explorer;
+use slamd::sim::random::{Random, Stream};
+use slamd::sim::robot::{Robot, STEP_S, STEP_US, Twist};
+use slamd::sim::sonar::{BeamShape, reading};
+use slamd::sim::world::World;
+use std::f64::consts::PI;
+
+/// An HC-SR04 sings for this long before its echo pin rises, and gives up this long after that.
+const RISE_US: u64 = 450;
+const SILENCE_US: u64 = 38_000;
+/// Speed of sound in air of 20 degrees Celsius.
+const SOUND_M_S: f64 = 343.42;
+const TRIGGER_LINES: usize = 8;
+const COMMAND_US: u64 = 50_000;
+
+/// A pulse on an echo pin.
+#[derive(Clone, Copy, Debug)]
+pub struct Pulse {
+    pub sensor: usize,
+    pub rise_us: u64,
+    pub fall_us: u64,
+}
+
+/// World, robot and acoustics.
+pub struct Plant {
+    world: World,
+    ring: Ring,
+    robot: Robot,
+    explorer: Explorer,
+    noise: Random,
+    command: Twist,
+    /// Time of the robot's present step, microseconds since the board's start.
+    step_us: u64,
+    drives_since_us: Option<u64>,
+}
+
+impl Plant {
+    /// The same world and robot as the simulator's with this seed.
+    pub fn new(seed: u64) -> Self {
+        let world = World::named("flat").expect("a built-in world");
+        let random = |stream| Random::new(seed, stream);
+        let heading_rad = world.start_heading_rad.unwrap_or_else(|| random(Stream::Start).uniform(-PI, PI));
+        let start = Pose2::new(world.start.x, world.start.y, heading_rad);
+        Self {
+            ring: Ring::circle(32, 0.15, BeamShape::Cone.half_angle_rad(), 4),
+            robot: Robot::new(start, 1.0, random(Stream::Robot)),
+            explorer: Explorer::new(&world, random(Stream::Explore)),
+            noise: random(Stream::Sonar),
+            command: Twist::default(),
+            step_us: 0,
+            drives_since_us: None,
+            world,
+        }
+    }
+
+    /// Lets the world run on to `us`.
+    pub fn run_until(&mut self, us: u64) {
+        while self.step_us + STEP_US <= us {
+            if let Some(since_us) = self.drives_since_us
+                && (self.step_us - since_us).is_multiple_of(COMMAND_US)
+            {
+                let seconds = self.step_us as f64 * 1e-6;
+                self.command = self.explorer.command(&self.world, self.robot.pose(0.0), seconds);
+            }
+            self.robot.step(self.command);
+            self.step_us += STEP_US;
+        }
+    }
+
+    /// Encoder edges of the left and the right wheel at `us`, which is not before the last.
+    pub fn ticks(&self, us: u64) -> [i32; 2] {
+        self.robot.ticks(self.share(us))
+    }
+
+    /// Where the robot truly is at `us`.
+    pub fn pose(&self, us: u64) -> Pose2 {
+        self.robot.pose(self.share(us))
+    }
+
+    /// The sonars on these trigger lines are triggered at `us`: the robot drives from the first time on.
+    pub fn ping(&mut self, us: u64, lines: u32) -> Vec<Pulse> {
+        self.drives_since_us.get_or_insert(self.step_us);
+        let mut pulses = Vec::new();
+        for sensor in (0..self.ring.len()).filter(|sensor| lines >> (sensor % TRIGGER_LINES) & 1 == 1) {
+            let mounting = self.ring.mountings[sensor].robot_from_sensor;
+            let share = self.share(us);
+            let distance = |later_s: f64| {
+                BeamShape::Cone.distance(&self.world, self.robot.pose(share + later_s / STEP_S) * mounting)
+            };
+            let true_m = distance(0.0).and_then(|range_m| distance(range_m / SOUND_M_S));
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a time of flight")]
+            let flight_us = reading(true_m, &mut self.noise).map(|range_m| (2e6 * range_m / SOUND_M_S).round() as u64);
+            let rise_us = us + RISE_US;
+            pulses.push(Pulse { sensor, rise_us, fall_us: rise_us + flight_us.unwrap_or(SILENCE_US) });
+        }
+        pulses
+    }
+
+    fn share(&self, us: u64) -> f64 {
+        (us.saturating_sub(self.step_us)) as f64 / STEP_US as f64
+    }
+}
