@@ -18,10 +18,10 @@ const FREE: i8 = 35;
 /// Marks of a solid cell by its distance in cells from the nearest solid cell of the map.
 const SOLID_BY_DISTANCE: [i8; 3] = [20, 16, 8];
 /// Solid on floor that is surely free, and where the map may only have missed a wall.
-const SOLID_ON_FREE: i8 = -20;
-const SOLID_ELSEWHERE: i8 = 14;
+const SOLID_ON_FREE: i8 = -10;
+const SOLID_ELSEWHERE: i8 = 10;
 const FREE_ELSEWHERE: i8 = 3;
-const FREE_ON_SOLID: i8 = -20;
+const FREE_ON_SOLID: i8 = -10;
 /// Floor this many cells from anything else is surely free: beams that miss a wall clear a little of what lies behind it.
 const DEEP: i32 = 9;
 

@@ -50,7 +50,7 @@ const M_PER_RAD: f64 = 0.5;
 const LEAST_SOLID: usize = 60;
 /// The least fit that is believed, and how far the second best place must stay behind.
 const LEAST_FIT: f64 = 0.55;
-const MARGIN: f64 = 0.12;
+const MARGIN: f64 = 0.15;
 /// Two searches agree within this.
 const AGREE_M: f64 = 0.25;
 /// How well the place found is known, metres.

@@ -213,6 +213,3 @@ pub fn write(path: &Path, memory: &Memory) -> Result<(), FileError> {
     // The name, too, must survive a power cut.
     std::fs::File::open(folder).and_then(|folder| folder.sync_all()).map_err(io)
 }
-
-#[cfg(test)]
-mod tests;

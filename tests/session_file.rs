@@ -1,6 +1,10 @@
-use super::*;
-use crate::event::{Calibration, FaultKind, SensorState};
-use crate::memory::{FilterMemory, MapMemory, ParkedMemory, SensorMemory, TileMemory, WallMemory};
+//! Session files: what is written is read, each damage is named, no bytes make a panic.
+
+#![allow(clippy::unwrap_used, reason = "a test may")]
+
+use slamd::event::{Calibration, FaultKind, SensorState};
+use slamd::memory::{FilterMemory, MapMemory, Memory, ParkedMemory, SensorMemory, TileMemory, WallMemory};
+use slamd::session_file::{HEADER, SessionFileError, decode, encode, read, write};
 
 fn memory() -> Memory {
     let wall = WallMemory { side: 2, lo_m: -1.5, hi_m: 0.1 + 0.2, hits: 77 };
@@ -71,7 +75,8 @@ fn resealed(mut bytes: Vec<u8>) -> Vec<u8> {
     if bytes.len() >= HEADER {
         let length = (bytes.len() - HEADER) as u64;
         bytes[12..20].copy_from_slice(&length.to_le_bytes());
-        let crc = checksum(&bytes[8..20], &bytes[HEADER..]);
+        let crc = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
+        let crc = crc.checksum(&[&bytes[8..20], &bytes[HEADER..]].concat());
         bytes[20..24].copy_from_slice(&crc.to_le_bytes());
     }
     bytes
@@ -116,8 +121,8 @@ fn no_mutation_panics() {
         match decode(&bytes) {
             Ok(memory) => {
                 // What no session holds is refused by the stages, in words.
-                let ring = crate::geometry::Ring::default();
-                let _ = crate::walls::Walls::resume(&crate::config::Config::default(), &ring, &memory);
+                let ring = slamd::geometry::Ring::default();
+                let _ = slamd::walls::Walls::resume(&slamd::config::Config::default(), &ring, &memory);
                 read += 1;
             }
             Err(error) => {
