@@ -11,10 +11,12 @@ use bytes::{Buf, Bytes};
 use std::collections::VecDeque;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::pin::Pin;
+use std::sync::Arc;
 use std::task::{Context, Poll, ready};
 use std::time::{Duration, Instant};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::signal::unix::{Signal, SignalKind, signal};
+use tokio::sync::Notify;
 use tokio_serial::{SerialPort, SerialStream};
 
 /// How a live session is run.
@@ -28,14 +30,6 @@ pub struct Options<'a> {
     pub exit_on_hangup: bool,
 }
 
-/// What is written beside the map while a session lasts.
-pub struct Files<'a> {
-    /// Everything that goes over the line.
-    pub recorder: &'a mut Option<Recorder>,
-    /// What is known, for the next session.
-    pub saver: &'a mut Option<Saver>,
-}
-
 /// A live session that cannot go on.
 #[derive(Debug, thiserror::Error)]
 pub enum DaemonError {
@@ -47,9 +41,13 @@ pub enum DaemonError {
     Signal(std::io::Error),
 }
 
-/// What ends a session: Ctrl-C, SIGTERM, or its time is over.
+/// Sees how it fares, between any two steps: the line, and the session once there is one. It must not wait.
+pub type Observer<'a> = dyn FnMut(&Link, Option<&Session>) + 'a;
+
+/// What ends a session: Ctrl-C, SIGTERM, its time is over, or somebody asks for it.
 #[derive(Debug)]
 pub struct Shutdown {
+    asked: Arc<Notify>,
     interrupt: Signal,
     terminate: Signal,
     end: Option<tokio::time::Instant>,
@@ -62,10 +60,17 @@ impl Shutdown {
     /// When signals cannot be heard.
     pub fn new(duration: Option<Duration>) -> Result<Self, DaemonError> {
         Ok(Self {
+            asked: Arc::default(),
             interrupt: signal(SignalKind::interrupt()).map_err(DaemonError::Signal)?,
             terminate: signal(SignalKind::terminate()).map_err(DaemonError::Signal)?,
             end: duration.map(|duration| tokio::time::Instant::now() + duration),
         })
+    }
+
+    /// Notify this, from any thread, to end the session.
+    #[must_use]
+    pub fn asked(&self) -> Arc<Notify> {
+        Arc::clone(&self.asked)
     }
 
     /// Returns when the session shall end.
@@ -80,6 +85,7 @@ impl Shutdown {
         tokio::select! {
             _ = self.interrupt.recv() => {}
             _ = self.terminate.recv() => {}
+            () = self.asked.notified() => {}
             () = is_over => {}
         }
     }
@@ -148,6 +154,7 @@ pub async fn search(
     options: Options<'_>,
     link: &mut Link,
     shutdown: &mut Shutdown,
+    observe: &mut dyn FnMut(&Link),
 ) -> Result<Option<OpenPort>, Trouble> {
     let mut retry = FIRST_RETRY;
     loop {
@@ -162,6 +169,7 @@ pub async fn search(
         };
         link.closed(Timestamp::default(), trouble.to_string());
         tell(link);
+        observe(link);
         let wait = if trouble.is_missing() { LOOK } else { retry };
         retry = if trouble.is_missing() { FIRST_RETRY } else { (retry * 2).min(LAST_RETRY) };
         tokio::select! {
@@ -178,7 +186,19 @@ enum Wake {
     End,
 }
 
-/// Runs until the end is requested, or a hang-up where that is the end. Times count from `begin`.
+/// What a live session feeds.
+pub struct Live<'a> {
+    /// The session's time zero.
+    pub begin: Instant,
+    /// The pipeline and its outputs.
+    pub session: &'a mut Session,
+    /// Where the traffic is recorded.
+    pub recorder: &'a mut Option<Recorder>,
+    /// Where what is known is saved for the next session.
+    pub saver: &'a mut Option<Saver>,
+}
+
+/// Runs until the end is requested, or a hang-up where that is the end.
 ///
 /// # Errors
 /// When an output cannot be written.
@@ -187,15 +207,15 @@ pub async fn run(
     mut port: OpenPort,
     link: &mut Link,
     shutdown: &mut Shutdown,
-    session: &mut Session,
-    files: Files<'_>,
-    begin: Instant,
+    live: Live<'_>,
+    observe: &mut Observer<'_>,
 ) -> Result<(), DaemonError> {
-    let Files { recorder, saver } = files;
+    let Live { begin, session, recorder, saver } = live;
     let now = || Timestamp::default() + begin.elapsed();
     link.opened(now(), &port.name, &session.reception());
     loop {
         tell(link);
+        observe(link, Some(session));
         let deadline = link.deadline().into_iter().fold(session.next_deadline(), Ord::min);
         let deadline = begin + Duration::from_micros(deadline.us());
         let wake = tokio::select! {
@@ -240,7 +260,10 @@ pub async fn run(
             }
             // Closed at once: else the device is renamed when it returns.
             drop(port);
-            let Ok(Some(found)) = search(options, link, shutdown).await else { return Ok(()) };
+            let Ok(Some(found)) = search(options, link, shutdown, &mut |link| observe(link, Some(session))).await
+            else {
+                return Ok(());
+            };
             port = found;
             let at = session.run_until(now())?;
             session.take_transmit();

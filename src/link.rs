@@ -163,6 +163,12 @@ impl Link {
         self.state
     }
 
+    /// Why it is that, in words.
+    #[must_use]
+    pub fn cause(&self) -> &str {
+        &self.cause
+    }
+
     /// Bits per second now: the port is to be opened with these.
     #[must_use]
     pub fn baud(&self) -> u32 {

@@ -25,13 +25,15 @@ pub struct Memory {
 impl Memory {
     /// The remembered faults of a ring of `sensors`, told again.
     pub fn faults(&self, at: Timestamp, sensors: usize) -> impl Iterator<Item = Event> {
-        self.sensors.iter().take(sensors).enumerate().filter_map(move |(sensor, SensorMemory { state })| match state {
-            SensorState::Healthy => None,
-            SensorState::Faulty(kind) => {
-                let reason = format!("sensor {sensor} was {} when the session was saved", kind.word());
-                Some(Event::Fault(FaultEvent { at, sensor, state: *state, reason }))
-            }
-        })
+        self.sensors.iter().take(sensors).enumerate().filter_map(
+            move |(sensor, SensorMemory { state, .. })| match state {
+                SensorState::Healthy => None,
+                SensorState::Faulty(kind) => {
+                    let reason = format!("sensor {sensor} was {} when the session was saved", kind.word());
+                    Some(Event::Fault(FaultEvent { at, sensor, state: *state, reason }))
+                }
+            },
+        )
     }
 }
 
@@ -90,13 +92,17 @@ pub struct TileMemory {
     pub row: i32,
     /// Log-odds in hundredths, row by row.
     pub log_odds: Vec<i16>,
+    /// Per row two sets of 32 bits, bit i for column i: a wall there faces along x, along y.
+    pub facing: Vec<[u32; 2]>,
 }
 
 /// One sensor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SensorMemory {
     /// Its state.
     pub state: SensorState,
+    /// How often it was found faulty, less what good conduct has undone: the more, the slower it is trusted again.
+    pub relapses: f64,
 }
 
 /// A part of a memory that cannot be.

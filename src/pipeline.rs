@@ -8,21 +8,23 @@
 //!
 //! The steps from the sweep on are those of the chosen method: [`crate::walls`] or [`crate::paper`].
 
+mod estimator;
+
+pub use estimator::Start;
+
 use crate::align::track::Wheels;
 use crate::align::{Aligner, Restarted};
 use crate::board::Board;
-use crate::config::{Config, Method};
+use crate::config::Config;
 use crate::conversation::{Conversation, Trust};
 use crate::event::{Calibration, Counters, Event, Input, Output, SensorState};
 use crate::geometry::Ring;
-use crate::localize::Localizer;
 use crate::mapping::raster::Raster;
 use crate::memory::{Impossible, Memory};
-use crate::paper::Paper;
 use crate::sweep::Sweep;
 use crate::time::Timestamp;
-use crate::walls::Walls;
 use bytes::Bytes;
+use estimator::Estimator;
 use slamd_protocol::{DELIMITER, Encoder, FrameDecoder, FrameEncoder, Hello, Message, MessageError, Sonar};
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
@@ -43,48 +45,6 @@ pub struct Pipeline {
     counters: Counters,
     events: Vec<Event>,
     outputs: VecDeque<Output>,
-}
-
-/// What a run begins with.
-#[derive(Clone, Debug, Default)]
-pub enum Start {
-    /// An unknown building.
-    #[default]
-    Fresh,
-    /// The remembered building, the robot where it stood.
-    Resume(Box<Memory>),
-    /// The remembered building, which is not changed, the robot anywhere in it.
-    Localize(Box<Memory>),
-}
-
-/// The chosen method at work.
-#[derive(Debug)]
-enum Estimator {
-    Walls(Box<Walls>),
-    Paper(Box<Paper>),
-    Localizer(Box<Localizer>),
-}
-
-impl Estimator {
-    fn new(config: &Config, ring: &Ring, start: &Start) -> Result<Self, Impossible> {
-        Ok(match (config.method, start) {
-            (Method::Walls, Start::Fresh) => Self::Walls(Box::new(Walls::new(config, ring))),
-            (Method::Walls, Start::Resume(memory)) => Self::Walls(Box::new(Walls::resume(config, ring, memory)?)),
-            (Method::Walls, Start::Localize(memory)) => {
-                Self::Localizer(Box::new(Localizer::new(config, ring, memory)?))
-            }
-            (Method::Paper, Start::Fresh) => Self::Paper(Box::new(Paper::new(config, ring))),
-            (Method::Paper, _) => return Err(Impossible("the paper's method cannot begin with a known map")),
-        })
-    }
-
-    fn update(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
-        match self {
-            Self::Walls(walls) => walls.update(sweep, events),
-            Self::Paper(paper) => paper.update(sweep, events),
-            Self::Localizer(localizer) => localizer.update(sweep, events),
-        }
-    }
 }
 
 impl Pipeline {
@@ -172,12 +132,7 @@ impl Pipeline {
     /// The map as it is now.
     #[must_use]
     pub fn raster(&self) -> Raster {
-        match &self.estimator {
-            Some(Estimator::Walls(walls)) => walls.raster(),
-            Some(Estimator::Paper(paper)) => paper.raster(),
-            Some(Estimator::Localizer(localizer)) => localizer.raster(),
-            None => Raster::default(),
-        }
+        self.estimator.as_ref().map_or_else(Raster::default, Estimator::raster)
     }
 
     /// The ring, once known.
@@ -186,34 +141,35 @@ impl Pipeline {
         self.aligner.ring()
     }
 
+    /// The last sweep, once the ring is known.
+    #[must_use]
+    pub fn sweep(&self) -> Option<&Sweep> {
+        self.aligner.sweep()
+    }
+
     /// Each sensor's state, by id.
     #[must_use]
     pub fn states(&self) -> &[SensorState] {
-        match &self.estimator {
-            Some(Estimator::Walls(walls)) => walls.states(),
-            Some(Estimator::Paper(paper)) => paper.states(),
-            Some(Estimator::Localizer(localizer)) => localizer.states(),
-            None => &[],
-        }
+        self.estimator.as_ref().map_or(&[], Estimator::states)
     }
 
     /// The wheels as the estimator has learnt them; the paper's method learns none.
     #[must_use]
     pub fn calibration(&self) -> Option<Calibration> {
-        match &self.estimator {
-            Some(Estimator::Walls(walls)) => Some(walls.calibration()),
-            Some(Estimator::Localizer(localizer)) => Some(localizer.calibration()),
-            _ => None,
-        }
+        self.estimator.as_ref()?.calibration()
     }
 
     /// Everything worth remembering; none before there is something, nor where a known map is not to be changed.
     #[must_use]
     pub fn memory(&self) -> Option<Memory> {
-        match &self.estimator {
-            Some(Estimator::Walls(walls)) => walls.memory(),
-            _ => None,
-        }
+        self.estimator.as_ref()?.memory()
+    }
+
+    /// Normalised innovation squared of the last sweep, per wall seen: 1 on the mean for a consistent filter. NaN where it saw no wall;
+    /// the paper's method has none.
+    #[must_use]
+    pub fn nis(&self) -> f64 {
+        self.estimator.as_ref().map_or(f64::NAN, Estimator::nis)
     }
 
     /// The board as far as it is known.

@@ -1,6 +1,6 @@
 //! The default method: the walls of an orthogonal building in one filter with the pose.
 //!
-//! 1. PCA over three instants, with the map's evidence, tells which sensors to distrust ([`crate::fault`]).
+//! 1. PCA over three instants, with the neighbours' and the map's evidence, tells which sensors to distrust ([`crate::fault`]).
 //! 2. A Hough transform over sonar arcs finds the building's axis, at the start from the first sweeps and later, from the last
 //!    ones, as a check on the heading ([`crate::orientation`]).
 //! 3. An extended Kalman filter over pose, wheels and wall offsets follows the robot ([`crate::position`]).
@@ -12,16 +12,16 @@
 use crate::config::Config;
 use crate::event::{Calibration, Estimate, Event, SensorState};
 use crate::fault::detector::Detector;
-use crate::fault::pca::{PcaBlock, trust};
-use crate::geometry::{Pose2, Ring, wrap_angle};
+use crate::geometry::{Point, Pose2, Ring};
 use crate::mapping::cone::{self, Target};
-use crate::mapping::grid::OccupancyGrid;
+use crate::mapping::grid::{Facing, OccupancyGrid};
 use crate::mapping::raster::Raster;
-use crate::memory::{Impossible, Memory, SensorMemory};
+use crate::memory::{Impossible, Memory};
 use crate::orientation::axis::AxisFinder;
 use crate::orientation::start;
-use crate::position::tracker::{Tracker, Use};
-use crate::sweep::Sweep;
+use crate::position::beam_model::sight;
+use crate::position::tracker::{Tracker, Use, Wall};
+use crate::sweep::{Beam, Sweep};
 use std::f64::consts::FRAC_PI_2;
 
 /// The walls method at work.
@@ -29,7 +29,6 @@ use std::f64::consts::FRAC_PI_2;
 pub struct Walls {
     max_range_m: f64,
     wheels: Calibration,
-    pca: PcaBlock,
     detector: Detector,
     axis: AxisFinder,
     axis_sweeps: usize,
@@ -49,12 +48,15 @@ const CONTRAST: f64 = 1.25;
 /// A robot that was put back by hand stands this far from where it stood, metres.
 const RESUME_SIGMA_M: f64 = 0.1;
 const AXIS_SIGMA_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
-/// The variation from which on a sensor loses its say in the first component.
-const CALM_M2: f64 = 0.01;
 /// Sweeps between two checks of the heading.
 const CHECK_SWEEPS: usize = 25;
 /// A check farther off than this speaks of another axis, not of drift.
 const CHECK_RAD: f64 = 6.0 * std::f64::consts::PI / 180.0;
+/// A sensor clears its cone in one of so many sweeps; what it hears is marked in each.
+const CLEARING_SWEEPS: u64 = 4;
+/// A return is a known wall's when it lies on its line up to this, at most so far beyond where the wall has been seen, metres.
+const ON_LINE_M: f64 = 0.06;
+const EXTENDED_M: f64 = 1.0;
 
 impl Walls {
     /// The method for a robot and its ring.
@@ -63,8 +65,7 @@ impl Walls {
         Self {
             max_range_m: config.ring.max_range_m,
             wheels: config.robot.wheels(),
-            pca: PcaBlock::new(ring.len(), config.ring.max_range_m),
-            detector: Detector::new(ring.len(), config.ring.max_range_m),
+            detector: Detector::new(ring, config.ring.max_range_m),
             axis: AxisFinder::default(),
             axis_sweeps: 0,
             waiting: Vec::with_capacity(MOST_SWEEPS),
@@ -82,8 +83,8 @@ impl Walls {
     pub fn resume(config: &Config, ring: &Ring, memory: &Memory) -> Result<Self, Impossible> {
         let mut tracker = Tracker::restore(memory)?;
         tracker.filter.inflate(RESUME_SIGMA_M, AXIS_SIGMA_RAD);
-        let mut detector = Detector::new(ring.len(), config.ring.max_range_m);
-        detector.restore(&memory.sensors);
+        let mut detector = Detector::new(ring, config.ring.max_range_m);
+        detector.restore(&memory.sensors)?;
         let grid = OccupancyGrid::restore(&memory.map)?;
         Ok(Self { tracker: Some(tracker), detector, grid, ..Self::new(config, ring) })
     }
@@ -115,7 +116,7 @@ impl Walls {
             walls,
             parked,
             map: self.grid.memory(),
-            sensors: self.detector.states().iter().map(|&state| SensorMemory { state }).collect(),
+            sensors: self.detector.memory(),
         })
     }
 
@@ -133,9 +134,14 @@ impl Walls {
 
     /// Uses one sweep.
     pub fn update(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
-        match self.tracker {
-            Some(_) => self.follow(sweep, events),
-            None => self.seek(sweep, events),
+        if let Some(tracker) = &mut self.tracker {
+            tracker.predict(sweep);
+            let expected_m = |sensor: usize| tracker.expected_range(&sweep.beams[sensor]);
+            self.detector.inspect(sweep, expected_m, events);
+            self.follow(sweep, events);
+        } else {
+            self.detector.inspect(sweep, |_| None, events);
+            self.seek(sweep, events);
         }
     }
 
@@ -155,6 +161,12 @@ impl Walls {
     #[must_use]
     pub fn calibration(&self) -> Calibration {
         self.tracker.as_ref().map_or(self.wheels, |tracker| tracker.filter.calibration())
+    }
+
+    /// Normalised innovation squared of the last sweep, per wall seen; NaN where it saw none.
+    #[must_use]
+    pub fn nis(&self) -> f64 {
+        self.tracker.as_ref().map_or(f64::NAN, Tracker::nis)
     }
 
     /// Gathers the first sweeps until they agree on the building's axis, then uses them all.
@@ -181,22 +193,16 @@ impl Walls {
             if sweep.index == 0 {
                 (sweep.left_m, sweep.right_m) = (0.0, 0.0);
             }
+            if let Some(tracker) = &mut self.tracker {
+                tracker.predict(&sweep);
+            }
             self.follow(&sweep, events);
         }
     }
 
-    /// The method itself, one sweep.
+    /// What follows once the pose is predicted and the sensors are judged.
     fn follow(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
         let Some(tracker) = &mut self.tracker else { return };
-        tracker.predict(sweep);
-        let residual_m2 = if self.pca.push(sweep) {
-            self.pca.analyse(|_, variation_m2| trust(variation_m2, CALM_M2));
-            self.pca.residuals_m2()
-        } else {
-            &[]
-        };
-        let expected_m = |sensor: usize| tracker.expected_range(&sweep.beams[sensor]);
-        self.detector.inspect(sweep, residual_m2, expected_m, events);
         tracker.correct(sweep, |sensor| self.detector.is_trusted(sensor));
         self.check_heading(sweep);
         self.draw(sweep);
@@ -235,14 +241,19 @@ impl Walls {
     fn draw(&mut self, sweep: &Sweep) {
         let Some(tracker) = self.tracker.as_ref().filter(|tracker| !tracker.is_fixed()) else { return };
         let pose = tracker.filter.pose();
+        self.grid.revise();
         for (sensor, (beam, used)) in sweep.beams.iter().zip(tracker.uses()).enumerate() {
+            let is_turn = (sweep.index + sensor as u64).is_multiple_of(CLEARING_SWEEPS);
             let (range_m, target) = match used {
-                Use::Wall(sighting) => {
-                    let along_rad = wrap_angle(sighting.side.normal_rad() + FRAC_PI_2);
-                    (beam.range_m, Target::Wall(sighting.point(), along_rad))
-                }
-                Use::Unexplained => (beam.range_m, Target::Something),
-                Use::Unused if beam.is_clear() && self.detector.is_trusted(sensor) => {
+                Use::Wall(_) | Use::Unexplained => match heard_wall(tracker, pose, beam) {
+                    Some((point, facing)) if !is_turn => {
+                        cone::mark_wall(&mut self.grid, point, facing);
+                        continue;
+                    }
+                    Some((point, facing)) => (beam.range_m, Target::Wall(point, facing)),
+                    None => (beam.range_m, Target::Something),
+                },
+                Use::Unused if is_turn && beam.is_clear() && self.detector.is_trusted(sensor) => {
                     (self.max_range_m, Target::Nothing)
                 }
                 Use::Unused => continue,
@@ -250,4 +261,18 @@ impl Walls {
             cone::draw(&mut self.grid, pose * beam.robot_from_sensor, beam.half_angle_rad, range_m, target);
         }
     }
+}
+
+/// The point of a known wall that a return may have come from: on the wall's line, in its extent or a little beyond.
+fn heard_wall(tracker: &Tracker, pose: Pose2, beam: &Beam) -> Option<(Point, Facing)> {
+    let sighting = sight(pose, beam)?;
+    let off_m = |(index, _): &(usize, &Wall)| (tracker.filter.offset_m(*index) - sighting.offset_m()).abs();
+    // Heard squarely beyond its end it would be the end itself, somewhere in the cone.
+    let beyond_m = if sighting.oblique_rad > 0.0 { EXTENDED_M } else { 0.0 };
+    let walls = tracker.walls().iter().enumerate().filter(|(_, wall)| {
+        wall.side == sighting.side && (wall.lo_m - beyond_m..wall.hi_m + beyond_m).contains(&sighting.along_m)
+    });
+    let nearest = walls.min_by(|a, b| off_m(a).total_cmp(&off_m(b))).filter(|wall| off_m(wall) < ON_LINE_M)?;
+    let facing = if sighting.side.axis() == 0 { Facing::X } else { Facing::Y };
+    Some((sighting.side.join(tracker.filter.offset_m(nearest.0), sighting.along_m), facing))
 }

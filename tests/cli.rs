@@ -67,6 +67,15 @@ fn ports_are_listed_for_programs() {
 }
 
 #[test]
+fn a_monitor_without_a_terminal_says_what_to_use_instead() {
+    let (code, text) = slamd(&["monitor", "--capture", "nowhere.mcap"]);
+    assert_eq!(code, 64, "{text}");
+    assert!(text.contains("no terminal") && text.contains("slamd --port") && text.contains("slamd inspect"), "{text}");
+    assert_eq!(slamd(&["monitor"]).0, 64);
+    assert_eq!(slamd(&["monitor", "--port", "auto", "--capture", "x.mcap"]).0, 64);
+}
+
+#[test]
 fn usage_errors_are_usage_errors() {
     assert_eq!(slamd(&["fly"]).0, 64);
     assert_eq!(slamd(&["--help"]).0, 0);

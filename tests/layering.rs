@@ -28,7 +28,7 @@ const TABLE: &[(&str, &[&str], bool)] = &[
     ("walls", ESTIMATORS, false),
     ("paper", ESTIMATORS, false),
     ("localize", &["sweep", "time", "geometry", "config", "event", "memory", "position", "mapping", "walls"], false),
-    ("metrics", &["time", "geometry", "event"], false),
+    ("metrics", &["time", "geometry", "event", "mapping"], false),
     (
         "pipeline",
         &[
@@ -56,6 +56,7 @@ const TABLE: &[(&str, &[&str], bool)] = &[
     ),
     ("doctor", &["protocol", "time", "geometry", "event", "config", "align", "board", "link", "pipeline"], false),
     ("session_file", &["time", "memory"], true),
+    ("monitor", &["time", "geometry", "event", "link", "mapping"], false),
     ("capture", &["time", "geometry"], true),
     ("sim", &["protocol", "time", "geometry", "config", "capture"], true),
     ("import", &["protocol", "time", "geometry", "config", "capture"], true),
@@ -64,6 +65,14 @@ const TABLE: &[(&str, &[&str], bool)] = &[
     (
         "source",
         &["link", "time", "geometry", "event", "config", "memory", "pipeline", "capture", "sim", "publish", "metrics"],
+        true,
+    ),
+    (
+        "bench",
+        &[
+            "protocol", "time", "geometry", "sweep", "event", "config", "align", "mapping", "metrics", "pipeline",
+            "capture", "sim", "publish",
+        ],
         true,
     ),
     ("recorder", &["time", "capture"], true),

@@ -28,11 +28,12 @@ fn memory() -> Memory {
                 column: -3,
                 row: 7,
                 log_odds: (-320..400).map(|v: i16| v).chain([0; 304]).collect(),
+                facing: (0..32).map(|row| [1 << row, 0x8000_0001]).collect(),
             }],
         },
         sensors: vec![
-            SensorMemory { state: SensorState::Healthy },
-            SensorMemory { state: SensorState::Faulty(FaultKind::Noisy) },
+            SensorMemory { state: SensorState::Healthy, relapses: 0.25 },
+            SensorMemory { state: SensorState::Faulty(FaultKind::Noisy), relapses: 2.0 },
         ],
     }
 }

@@ -65,6 +65,12 @@ impl Aligner {
         self.sweeper.as_ref().map(Sweeper::ring)
     }
 
+    /// The last finished sweep.
+    #[must_use]
+    pub fn sweep(&self) -> Option<&Sweep> {
+        self.sweeper.as_ref().map(Sweeper::sweep)
+    }
+
     /// The wheels are known.
     pub fn set_wheels(&mut self, wheels: Wheels) {
         self.wheels = Some(wheels);

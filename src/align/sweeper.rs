@@ -91,6 +91,12 @@ impl Sweeper {
         &self.ring
     }
 
+    /// The last finished sweep; without beams before the first.
+    #[must_use]
+    pub fn sweep(&self) -> &Sweep {
+        &self.sweep
+    }
+
     /// Sweeps given up because too few of their messages arrived.
     #[must_use]
     pub fn dropped(&self) -> u64 {

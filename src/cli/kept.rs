@@ -4,7 +4,7 @@ use super::{Failure, Kind};
 use crate::config::{Config, Method};
 use crate::memory::Memory;
 use crate::pipeline::Start;
-use crate::session_file::{self, FileError};
+use crate::session_file::{self, FileError, Saver};
 use crate::source::session::Session;
 use clap::Args;
 use std::io::Write as _;
@@ -20,7 +20,7 @@ pub(super) struct KeptArgs {
     localize: Option<PathBuf>,
     /// Save map, walls, pose, wheels and sensors to this session file at the end; with a robot also every minute.
     #[arg(long, value_name = "FILE")]
-    pub(super) save_session: Option<PathBuf>,
+    save_session: Option<PathBuf>,
     /// Save the wheels as learnt to this robot configuration, for --config.
     #[arg(long, value_name = "FILE")]
     save_calibration: Option<PathBuf>,
@@ -43,12 +43,18 @@ impl KeptArgs {
         session.map_err(|error| Failure::new(Kind::Data, format!("{}: {error}", path.display())))
     }
 
-    /// Saves the wheels, if wanted. The session is saved by whoever knows when.
-    pub(super) fn save_calibration(&self, session: &Session) -> Result<(), Failure> {
-        match (&self.save_calibration, session.calibrated()) {
-            (Some(path), Some(config)) => write_robot(path, &config, "slamd --save-calibration"),
-            _ => Ok(()),
+    /// Saves the session while a robot is listened to, if wanted.
+    pub(super) fn saver(&self) -> Option<Saver> {
+        self.save_session.clone().map(Saver::new)
+    }
+
+    /// Saves, at the end, whatever is wanted: one failure does not keep the other file from being written.
+    pub(super) fn save(&self, saver: Option<Saver>, session: &Session) -> Result<(), Failure> {
+        let saved = saver.map_or(Ok(()), |saver| saver.finish(session.memory()));
+        if let (Some(path), Some(config)) = (&self.save_calibration, session.calibrated()) {
+            write_robot(path, &config, "slamd --save-calibration")?;
         }
+        Ok(saved?)
     }
 }
 

@@ -1,11 +1,13 @@
 //! The command line.
 
+mod bench;
 mod calibrate;
 mod doctor;
 mod failure;
 mod import;
 mod inspect;
 mod kept;
+mod monitor;
 mod ports;
 mod replay;
 mod run;
@@ -37,6 +39,7 @@ struct Cli {
 enum Command {
     /// Map with a robot on a serial port (the same as without a command).
     Run(run::RunArgs),
+    Monitor(monitor::MonitorArgs),
     /// Run a recorded or simulated session again, as fast as it goes.
     Replay(replay::ReplayArgs),
     /// Drive a simulated robot, into a capture or on a pseudo-terminal.
@@ -49,6 +52,8 @@ enum Command {
     /// List the serial ports and who holds them.
     Ports(ports::PortsArgs),
     Doctor(doctor::DoctorArgs),
+    /// Evaluate: tables and pictures over simulated drives.
+    Bench(bench::BenchArgs),
 }
 
 /// Where results go and how they are made; the same for a robot and for a replay.
@@ -109,15 +114,18 @@ pub fn main() -> ExitCode {
             return ExitCode::from(code);
         }
     };
-    let filter = tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "info".into());
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal())
-        .with_target(false)
-        .init();
+    // The monitor has the screen for itself, and its log in a part of it.
+    if !matches!(cli.command, Command::Monitor(_)) {
+        tracing_subscriber::fmt()
+            .with_env_filter(log_filter())
+            .with_writer(std::io::stderr)
+            .with_ansi(std::io::stderr().is_terminal())
+            .with_target(false)
+            .init();
+    }
     let result = match cli.command {
         Command::Run(args) => args.run(),
+        Command::Monitor(args) => args.run(),
         Command::Replay(args) => args.run(),
         Command::Simulate(args) => args.run(),
         Command::Import(args) => args.run().map_err(Failure::from),
@@ -125,6 +133,7 @@ pub fn main() -> ExitCode {
         Command::Inspect(args) => args.run().map_err(Failure::from),
         Command::Ports(args) => args.run(),
         Command::Doctor(args) => args.run(),
+        Command::Bench(args) => args.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
@@ -133,6 +142,11 @@ pub fn main() -> ExitCode {
             ExitCode::from(failure.kind as u8)
         }
     }
+}
+
+/// What is logged: as `RUST_LOG` says.
+fn log_filter() -> tracing_subscriber::EnvFilter {
+    tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "info".into())
 }
 
 /// A length of time.

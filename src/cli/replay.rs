@@ -5,10 +5,10 @@ use super::{Failure, Kind, OutputArgs, terminal};
 use crate::capture::CaptureReader;
 use crate::config::Config;
 use crate::metrics::TrueFault;
-use crate::session_file::Saver;
 use crate::source::replay::replay;
+use crate::source::session::Session;
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
 pub(super) struct ReplayArgs {
@@ -22,35 +22,33 @@ pub(super) struct ReplayArgs {
 
 impl ReplayArgs {
     pub(super) fn run(self) -> Result<(), Failure> {
-        let mut capture = CaptureReader::open(&self.file)?;
-        let info = capture.info().clone();
-        let embedded =
-            if self.output.config.is_some() { Ok(Config::default()) } else { Config::from_toml(&info.config_toml) };
-        let embedded = embedded.map_err(|error| {
-            Failure::new(
-                Kind::Data,
-                format!("{}: its configuration: {error}; give one with --config", self.file.display()),
-            )
-        })?;
-        let mut session = self.kept.begin(self.output.configuration(embedded)?, &self.output.out)?;
-        if let Some(words) = &info.faults {
-            let faults: Result<Vec<TrueFault>, _> = words.iter().map(|word| word.parse()).collect();
-            let faults =
-                faults.map_err(|error| Failure::new(Kind::Data, format!("{}: {error}", self.file.display())))?;
-            session.true_faults(faults);
-        }
+        let (mut capture, mut session) = open(&self.file, &self.kept, &self.output)?;
         let bar = terminal::progress(None);
         replay(&mut capture, &mut session, |seconds| terminal::show(&bar, seconds))?;
         bar.finish_and_clear();
         if let Some(damage) = capture.damage() {
             tracing::warn!("{}: {damage}; what was readable has been used", self.file.display());
         }
-        self.kept.save_calibration(&session)?;
-        if let Some(path) = &self.kept.save_session {
-            Saver::new(path.clone()).finish(session.memory())?;
-        }
+        let saved = self.kept.save(self.kept.saver(), &session);
         let (summary, faulty) = session.finish()?;
         terminal::report(&summary, &faulty, &self.output.out, self.output.json);
-        Ok(())
+        saved
     }
+}
+
+/// A capture and the session that it is fed to.
+pub(super) fn open(file: &Path, kept: &KeptArgs, output: &OutputArgs) -> Result<(CaptureReader, Session), Failure> {
+    let capture = CaptureReader::open(file)?;
+    let info = capture.info().clone();
+    let embedded = if output.config.is_some() { Ok(Config::default()) } else { Config::from_toml(&info.config_toml) };
+    let embedded = embedded.map_err(|error| {
+        Failure::new(Kind::Data, format!("{}: its configuration: {error}; give one with --config", file.display()))
+    })?;
+    let mut session = kept.begin(output.configuration(embedded)?, &output.out)?;
+    if let Some(words) = &info.faults {
+        let faults: Result<Vec<TrueFault>, _> = words.iter().map(|word| word.parse()).collect();
+        let faults = faults.map_err(|error| Failure::new(Kind::Data, format!("{}: {error}", file.display())))?;
+        session.true_faults(faults);
+    }
+    Ok((capture, session))
 }

@@ -4,77 +4,121 @@ use super::kept::KeptArgs;
 use super::{Failure, Kind, OutputArgs, terminal};
 use crate::capture::CaptureInfo;
 use crate::config::Config;
-use crate::daemon::{self, Files, Options, Shutdown};
+use crate::daemon::{self, DaemonError, Live, Observer, Options, Shutdown};
+use crate::event::FaultEvent;
 use crate::link::Link;
 use crate::port::PortName;
+use crate::publish::Summary;
 use crate::recorder::Recorder;
-use crate::session_file::Saver;
 use clap::Args;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
+use tokio::runtime::Runtime;
 
 #[derive(Debug, Args)]
 pub(super) struct RunArgs {
     /// The board's serial port: a device, usb:VID:PID[:SERIAL], or auto for the only board there is; `slamd ports` lists them.
     #[arg(long, value_name = "PORT")]
     port: PortName,
+    #[command(flatten)]
+    live: LiveArgs,
+    /// Stop after this long; without it, Ctrl-C stops.
+    #[arg(long, value_name = "SECONDS", value_parser = super::seconds)]
+    duration: Option<f64>,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+/// How a robot is listened to.
+#[derive(Debug, Args)]
+pub(super) struct LiveArgs {
     /// Bits per second.
     #[arg(long, default_value_t = 115_200)]
     baud: u32,
     /// Record everything that is read and written to this capture.
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
-    /// Stop after this long; without it, Ctrl-C stops.
-    #[arg(long, value_name = "SECONDS", value_parser = super::seconds)]
-    duration: Option<f64>,
     /// Stop when the port hangs up, instead of waiting for its return.
     #[arg(long)]
     exit_on_hangup: bool,
     #[command(flatten)]
-    kept: KeptArgs,
-    #[command(flatten)]
-    output: OutputArgs,
+    pub(super) kept: KeptArgs,
 }
 
 impl RunArgs {
     pub(super) fn run(self) -> Result<(), Failure> {
-        let config = self.output.configuration(Config::default())?;
-        let options = Options { port: &self.port, baud: self.baud, exit_on_hangup: self.exit_on_hangup };
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
-        let runtime = runtime.map_err(|error| Failure::new(Kind::Unavailable, format!("tokio: {error}")))?;
+        let runtime = runtime()?;
         let _guard = runtime.enter();
         let mut shutdown = Shutdown::new(self.duration.map(Duration::from_secs_f64))?;
+        let config = self.output.configuration(Config::default())?;
+        let end = self.live.drive(&self.port, config, &self.output, (&runtime, &mut shutdown), &mut |_, _| {})?;
+        end.map_or(Ok(()), |end| end.report(&self.output))
+    }
+}
+
+/// How a live session ended.
+pub(super) struct End {
+    summary: Summary,
+    faulty: Vec<FaultEvent>,
+    /// Chunks that the recording lacks.
+    missing: u64,
+    /// What the next session begins with.
+    saved: Result<(), Failure>,
+    result: Result<(), DaemonError>,
+}
+
+impl End {
+    /// The summary on standard output, and what went wrong.
+    pub(super) fn report(self, output: &OutputArgs) -> Result<(), Failure> {
+        terminal::report(&self.summary, &self.faulty, &output.out, output.json);
+        if self.missing > 0 {
+            tracing::error!("{} chunks are missing from the recording", self.missing);
+        }
+        self.saved?;
+        Ok(self.result?)
+    }
+}
+
+impl LiveArgs {
+    /// Runs a live session to its end. None where that came before the port was there.
+    pub(super) fn drive(
+        &self,
+        port: &PortName,
+        config: Config,
+        output: &OutputArgs,
+        (runtime, shutdown): (&Runtime, &mut Shutdown),
+        observe: &mut Observer<'_>,
+    ) -> Result<Option<End>, Failure> {
+        let options = Options { port, baud: self.baud, exit_on_hangup: self.exit_on_hangup };
         let mut link = Link::new(self.baud);
         // Nothing is created, and no older recording overwritten, before the board's port is open.
-        let port = runtime.block_on(daemon::search(options, &mut link, &mut shutdown));
+        let mut look = |link: &Link| observe(link, None);
+        let port = runtime.block_on(daemon::search(options, &mut link, shutdown, &mut look));
         let Some(port) = port.map_err(|trouble| Failure::new(Kind::Unavailable, trouble.to_string()))? else {
-            return Ok(());
+            return Ok(None);
         };
-        let mut session = self.kept.begin(config.clone(), &self.output.out)?;
-        let mut saver = self.kept.save_session.clone().map(Saver::new);
+        let mut session = self.kept.begin(config.clone(), &output.out)?;
+        let mut saver = self.kept.saver();
         let (begin, info) = begin(&config);
         let mut recorder = match &self.record {
             Some(path) => Some(Recorder::begin(path, &info).map_err(Failure::creating)?),
             None => None,
         };
-        let files = Files { recorder: &mut recorder, saver: &mut saver };
-        let run = daemon::run(options, port, &mut link, &mut shutdown, &mut session, files, begin);
+        let live = Live { begin, session: &mut session, recorder: &mut recorder, saver: &mut saver };
+        let run = daemon::run(options, port, &mut link, shutdown, live, observe);
         let result = runtime.block_on(run);
         // Whatever went wrong, the map is kept.
-        let saved = saver.map_or(Ok(()), |saver| saver.finish(session.memory()));
-        let calibration = self.kept.save_calibration(&session);
+        let saved = self.kept.save(saver, &session);
         let (summary, faulty) = session.finish()?;
-        terminal::report(&summary, &faulty, &self.output.out, self.output.json);
-        if let Some(recorder) = recorder {
-            let dropped = recorder.finish()?;
-            if dropped > 0 {
-                tracing::error!("{dropped} chunks are missing from the recording");
-            }
-        }
-        saved?;
-        calibration?;
-        Ok(result?)
+        let missing = recorder.map_or(Ok(0), Recorder::finish)?;
+        Ok(Some(End { summary, faulty, missing, saved, result }))
     }
+}
+
+/// One thread for port, clock and signals.
+pub(super) fn runtime() -> Result<Runtime, Failure> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+    runtime.map_err(|error| Failure::new(Kind::Unavailable, format!("tokio: {error}")))
 }
 
 /// The session's time zero, and what its recording says of itself.

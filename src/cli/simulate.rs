@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Args)]
 #[command(group(ArgGroup::new("to").required(true).args(["capture", "pty"])))]
 pub(super) struct SimulateArgs {
-    /// flat, office, furnished, or a world in a TOML file.
+    /// flat, office, furnished, home, room, or a world in a TOML file.
     #[arg(long, default_value = "flat")]
     world: String,
     /// Every random number comes from it.
@@ -24,11 +24,11 @@ pub(super) struct SimulateArgs {
     /// Length of the session.
     #[arg(long, value_name = "SECONDS", default_value = "300", value_parser = super::seconds)]
     duration: f64,
-    /// The mix of broken sensors: none or paper.
+    /// The mix of broken sensors: none, paper or late (each kind, from 60 s on).
     #[arg(long, default_value = "none")]
     faults: FaultMix,
     /// A broken sensor: kinds are saturated, missing, noisy and stuck.
-    #[arg(long = "fault", value_name = "SENSOR:KIND@TIME")]
+    #[arg(long = "fault", value_name = "SENSOR:KIND@TIME[-TIME]")]
     fault: Vec<SensorFault>,
     /// The beams' shape: cone or point.
     #[arg(long, default_value = "cone")]
@@ -98,7 +98,6 @@ impl SimulateArgs {
     }
 
     fn write(&self, simulation: Simulation, path: &Path) -> Result<(), Failure> {
-        let words = |fault: &SensorFault| format!("{}:{}@{}s", fault.sensor, fault.kind.word(), fault.from_s);
         let info = CaptureInfo {
             slamd_version: env!("CARGO_PKG_VERSION").into(),
             protocol_version: format!("{}.{}", slamd_protocol::VERSION_MAJOR, slamd_protocol::VERSION_MINOR),
@@ -108,7 +107,7 @@ impl SimulateArgs {
                 "slamd simulate --world {} --seed {} --duration {} --range-bias {} --bearing-offset {}",
                 self.world, self.seed, self.duration, self.range_bias, self.bearing_offset
             ),
-            faults: Some(simulation.faults().iter().map(words).collect()),
+            faults: Some(simulation.faults().iter().map(ToString::to_string).collect()),
         };
         let mut capture = CaptureWriter::create(path, &info).map_err(Failure::creating)?;
         let bar = terminal::progress(Some(self.duration));

@@ -1,65 +1,58 @@
-//! One sequential test per sensor and kind of fault.
+//! Which sensors to distrust: gathers the evidence of one sweep and lets [`Suspicion`] weigh it, sensor by sensor.
 //!
-//! Each sweep adds to a log-likelihood ratio per sensor and kind: how much more probable the reading is from a sensor broken in
-//! that way than from a healthy one (Wald's sequential probability ratio test, with both sides clamped so that a
-//! change is noticed). The evidence is what the board reports, what PCA over three instants leaves unexplained, and what the
-//! map expects. A single odd reading is the pose filter's gate's business: it declares no fault.
+//! The evidence is what the board reports, what PCA over three instants leaves unexplained ([`super::pca`]), what the neighbours
+//! see ([`super::neighbours`]), and what the map expects. All but the map's is there from the first sweeps on, without a pose.
 
-use crate::event::{Event, FaultEvent, FaultKind, SensorState};
-use crate::memory::SensorMemory;
-use crate::sweep::{NoMeasurement, Sweep};
-
-/// The evidence gathered against one sensor.
-#[derive(Clone, Copy, Debug, Default)]
-struct Suspicion {
-    saturated: f64,
-    missing: f64,
-    noisy: f64,
-    last_range_m: f64,
-    heard_in_row: u32,
-    repeats: u32,
-    moved_m: f64,
-    state: SensorState,
-}
+use super::neighbours::Neighbours;
+use super::pca::{PcaBlock, trust};
+use super::suspicion::{Evidence, Suspicion};
+use crate::event::{Event, FaultEvent, SensorState};
+use crate::geometry::Ring;
+use crate::memory::{Impossible, SensorMemory};
+use crate::sweep::{Beam, NoMeasurement, Sweep};
 
 /// Watches all sensors.
 #[derive(Clone, Debug)]
 pub struct Detector {
+    pca: PcaBlock,
+    neighbours: Neighbours,
     sensors: Vec<Suspicion>,
     states: Vec<SensorState>,
+    last_m: Vec<f64>,
+    /// True once a wheel has turned: a robot whose wheels tell nothing is believed to drive when its readings change.
+    has_wheels: bool,
     max_range_m: f64,
 }
 
-/// Above this a sensor is faulty; below the other it is healthy again.
-const CONVICT: f64 = 6.0;
-const ACQUIT: f64 = 0.0;
-const FLOOR: f64 = -3.0;
-const CEILING: f64 = 12.0;
-
-/// A wall squarely in the cone is silent in one healthy reading of twelve, but misses come in rows.
-const SILENT_AT_WALL: f64 = 0.6;
-const HEARD: f64 = -1.5;
-const NO_ANSWER: f64 = 1.5;
-const ANSWER: f64 = -2.0;
-/// A reading that PCA cannot explain: four of five from a noisy sensor, one of five from a healthy one in clutter.
-const JUMP: f64 = 0.9;
-const NO_JUMP: f64 = -1.1;
-/// Root of the PCA residual from which a reading counts as a jump, metres.
-const JUMP_M: f64 = 0.06;
-/// Heard beyond a wall that is squarely in the cone: impossible for the nearest surface.
-const BEYOND_WALL: f64 = 1.2;
-const BEYOND_M: f64 = 0.15;
-/// The same value to the micrometre so many times over so much motion is no measurement.
-const STUCK_REPEATS: u32 = 25;
-const STUCK_MOVED_M: f64 = 0.4;
-/// A turning robot's beams sweep over the walls: one radian counts as this many metres.
-const TURN_M_PER_RAD: f64 = 0.5;
+/// The variation from which on a sensor loses its say in the first component. Squared, the say of a wild sensor shrinks faster than
+/// its variation grows: even one of eight does not become the component and so hide itself.
+const CALM_M2: f64 = 0.002;
+/// A wall nearer to the farthest range than this may well be missed, metres.
+const MARGIN_M: f64 = 0.3;
+/// Within this part of the farthest range neighbours speak for each other; farther off, walls drop out one by one.
+const SURE_PART: f64 = 0.65;
+/// The wheels' distance that turns are reckoned with here, metres; a guess is good enough.
+const WHEEL_BASE_M: f64 = 0.3;
+/// A turn moves what is this far away, metres.
+const LEVER_M: f64 = 0.5;
+/// Readings change only by the part of the motion that is along their beams.
+const PASSED_WHILE_STIRRED: f64 = 3.0;
+/// A reading's change counts as motion up to this, metres: what jumps farther has looked at something else.
+const MOST_CHANGE_M: f64 = 0.1;
 
 impl Detector {
-    /// A detector for `sensors` sensors that all begin healthy.
+    /// A detector for a ring whose sensors all begin healthy.
     #[must_use]
-    pub fn new(sensors: usize, max_range_m: f64) -> Self {
-        Self { sensors: vec![Suspicion::default(); sensors], states: vec![SensorState::Healthy; sensors], max_range_m }
+    pub fn new(ring: &Ring, max_range_m: f64) -> Self {
+        Self {
+            pca: PcaBlock::new(ring.len(), max_range_m),
+            neighbours: Neighbours::new(ring),
+            sensors: vec![Suspicion::default(); ring.len()],
+            states: vec![SensorState::Healthy; ring.len()],
+            last_m: vec![f64::NAN; ring.len()],
+            has_wheels: false,
+            max_range_m,
+        }
     }
 
     /// Each sensor's state.
@@ -68,19 +61,26 @@ impl Detector {
         &self.states
     }
 
+    /// What is known of the sensors, by id.
+    #[must_use]
+    pub fn memory(&self) -> Vec<SensorMemory> {
+        self.sensors.iter().map(Suspicion::memory).collect()
+    }
+
     /// Takes over what was known of the sensors; each keeps its state until its readings speak against it.
-    pub fn restore(&mut self, sensors: &[SensorMemory]) {
-        let known = self.sensors.iter_mut().zip(&mut self.states).zip(sensors);
-        for ((suspicion, state), SensorMemory { state: remembered }) in known {
-            (suspicion.state, *state) = (*remembered, *remembered);
-            match remembered {
-                SensorState::Faulty(FaultKind::Saturated) => suspicion.saturated = CONVICT,
-                SensorState::Faulty(FaultKind::Missing) => suspicion.missing = CONVICT,
-                SensorState::Faulty(FaultKind::Noisy) => suspicion.noisy = CONVICT,
-                SensorState::Faulty(FaultKind::Stuck) => suspicion.repeats = STUCK_REPEATS,
-                SensorState::Healthy => {}
-            }
+    ///
+    /// # Errors
+    /// Where a sensor was as no sensor can be.
+    pub fn restore(&mut self, sensors: &[SensorMemory]) -> Result<(), Impossible> {
+        // All are looked at: the ring may become known later.
+        let remembered = sensors.iter().map(Suspicion::restore).collect::<Result<Vec<_>, _>>()?;
+        for (suspicion, remembered) in self.sensors.iter_mut().zip(remembered) {
+            *suspicion = remembered;
         }
+        for (state, SensorMemory { state: remembered, .. }) in self.states.iter_mut().zip(sensors) {
+            *state = *remembered;
+        }
+        Ok(())
     }
 
     /// True where the sensor's readings may be used.
@@ -89,111 +89,67 @@ impl Detector {
         self.states.get(sensor) == Some(&SensorState::Healthy)
     }
 
-    /// Weighs one sweep. `residual_m2` is each sensor's mean square outside the first principal component (NaN where
-    /// unknown), `expected_m` the range at which a healthy sensor must hear a wall.
-    pub fn inspect(
-        &mut self,
-        sweep: &Sweep,
-        residual_m2: &[f64],
-        expected_m: impl Fn(usize) -> Option<f64>,
-        events: &mut Vec<Event>,
-    ) {
-        let turned_m = TURN_M_PER_RAD * (sweep.right_m - sweep.left_m).abs() / 0.3;
-        let moved_m = 0.5 * (sweep.left_m + sweep.right_m).abs() + turned_m;
-        for (sensor, beam) in sweep.beams.iter().enumerate() {
-            let Some(suspicion) = self.sensors.get_mut(sensor) else { return };
+    /// Weighs one sweep. `expected_m` is the range at which a healthy sensor must hear a wall of the map.
+    pub fn inspect(&mut self, sweep: &Sweep, expected_m: impl Fn(usize) -> Option<f64>, events: &mut Vec<Event>) {
+        let has_residuals = self.pca.push(sweep);
+        if has_residuals {
+            self.pca.analyse(|_, variation_m2| trust(variation_m2, CALM_M2).powi(2));
+        }
+        self.has_wheels |= sweep.left_m != 0.0 || sweep.right_m != 0.0;
+        let stirred_m = if self.has_wheels { 0.0 } else { self.stirred_m(sweep) };
+        let moved_m = 0.5 * (sweep.left_m + sweep.right_m).abs() + LEVER_M * turn_rad(sweep).abs();
+        for (sensor, beam) in sweep.beams.iter().enumerate().take(self.sensors.len()) {
             if beam.no_measurement == Some(NoMeasurement::Lost) {
                 continue;
             }
-            let expected = expected_m(sensor).filter(|range_m| *range_m < self.max_range_m - 0.3);
-            let residual_m = residual_m2.get(sensor).copied().unwrap_or(f64::NAN).sqrt();
-            suspicion.weigh(beam.range_m, residual_m, expected, moved_m);
+            let is_near = |range_m: &f64| *range_m < self.max_range_m - MARGIN_M;
+            let seen = self.neighbours.seen(sensor, sweep, |other| self.is_trusted(other));
+            let (map_m, seen) =
+                (expected_m(sensor).filter(is_near), seen.filter(|seen| seen.range_m < SURE_PART * self.max_range_m));
+            let wall_m = map_m.or_else(|| seen.map(|seen| seen.range_m)).unwrap_or(0.0);
+            let evidence = Evidence {
+                range_m: beam.range_m,
+                no_measurement: beam.no_measurement,
+                residual_m: if has_residuals { self.pca.residuals_m2()[sensor].sqrt() } else { f64::NAN },
+                map_m,
+                neighbours: seen,
+                moved_m: moved_m.max(stirred_m),
+                passed_m: passed_m(sweep, beam, wall_m).max(PASSED_WHILE_STIRRED * stirred_m),
+            };
+            let suspicion = &mut self.sensors[sensor];
+            suspicion.weigh(&evidence);
             let state = suspicion.verdict();
-            if state != suspicion.state {
-                let reason = suspicion.reason(sensor, state, beam.no_measurement, expected);
-                suspicion.state = state;
+            if state != self.states[sensor] {
                 self.states[sensor] = state;
+                let reason = suspicion.reason(sensor, &evidence);
                 events.push(Event::Fault(FaultEvent { at: sweep.at, sensor, state, reason }));
             }
         }
     }
+
+    /// By how much the trusted sensors' readings have changed on average since the last sweep, metres: a robot's motion even
+    /// where its wheels tell nothing.
+    fn stirred_m(&mut self, sweep: &Sweep) -> f64 {
+        let (mut sum_m, mut count) = (0.0, 0.0);
+        for (sensor, (beam, last_m)) in sweep.beams.iter().zip(&mut self.last_m).enumerate() {
+            let change_m = (beam.range_m - *last_m).abs();
+            if change_m.is_finite() && self.states[sensor] == SensorState::Healthy {
+                sum_m += change_m.min(MOST_CHANGE_M);
+                count += 1.0;
+            }
+            *last_m = beam.range_m;
+        }
+        if count > 0.0 { sum_m / count } else { 0.0 }
+    }
 }
 
-impl Suspicion {
-    fn weigh(&mut self, range_m: f64, residual_m: f64, expected_m: Option<f64>, moved_m: f64) {
-        let add = |ratio: &mut f64, evidence: f64| *ratio = (*ratio + evidence).clamp(FLOOR, CEILING);
-        if range_m.is_nan() {
-            self.heard_in_row = 0;
-            add(&mut self.missing, NO_ANSWER);
-            return;
-        }
-        add(&mut self.missing, ANSWER);
-        self.heard_in_row = if range_m.is_finite() { self.heard_in_row + 1 } else { 0 };
-        if range_m.is_infinite() {
-            if range_m > 0.0 && expected_m.is_some() {
-                add(&mut self.saturated, SILENT_AT_WALL);
-            }
-            return;
-        }
-        add(&mut self.saturated, HEARD);
-        // Falling silent and being heard again are jumps of V, too, but say nothing of the scatter.
-        if residual_m.is_finite() && self.heard_in_row >= 3 {
-            add(&mut self.noisy, if residual_m > JUMP_M { JUMP } else { NO_JUMP });
-        }
-        if expected_m.is_some_and(|expected_m| range_m > expected_m + BEYOND_M) {
-            add(&mut self.noisy, BEYOND_WALL);
-        }
-        let is_same = (range_m - self.last_range_m).abs() < 1e-6;
-        (self.repeats, self.moved_m) = if is_same { (self.repeats + 1, self.moved_m + moved_m) } else { (0, 0.0) };
-        self.last_range_m = range_m;
-    }
+/// How far the robot has turned since the last sweep, radians, counter-clockwise.
+fn turn_rad(sweep: &Sweep) -> f64 {
+    (sweep.right_m - sweep.left_m) / WHEEL_BASE_M
+}
 
-    fn verdict(&self) -> SensorState {
-        let is_stuck = self.repeats >= STUCK_REPEATS && self.moved_m >= STUCK_MOVED_M;
-        let suspects = [
-            (FaultKind::Missing, self.missing),
-            (FaultKind::Saturated, self.saturated),
-            (FaultKind::Noisy, self.noisy),
-            (FaultKind::Stuck, if is_stuck { CEILING } else { FLOOR }),
-        ];
-        if let SensorState::Faulty(kind) = self.state
-            && suspects.iter().any(|(suspect, ratio)| *suspect == kind && *ratio > ACQUIT)
-        {
-            return self.state;
-        }
-        let worst = suspects.into_iter().max_by(|a, b| a.1.total_cmp(&b.1));
-        worst.filter(|(_, ratio)| *ratio >= CONVICT).map_or(SensorState::Healthy, |(kind, _)| SensorState::Faulty(kind))
-    }
-
-    fn reason(
-        &self,
-        sensor: usize,
-        state: SensorState,
-        no_measurement: Option<NoMeasurement>,
-        expected_m: Option<f64>,
-    ) -> String {
-        match state {
-            SensorState::Healthy => format!("sensor {sensor} measures again"),
-            SensorState::Faulty(FaultKind::Saturated) => format!(
-                "sensor {sensor} hears nothing, again and again, where the map has a wall {:.1} m ahead of it",
-                expected_m.unwrap_or(f64::NAN)
-            ),
-            SensorState::Faulty(FaultKind::Missing) => {
-                let why = match no_measurement {
-                    Some(NoMeasurement::EchoPinStuck) => "its echo pin is stuck",
-                    Some(NoMeasurement::HighAtTrigger) => "its echo pin is high before the trigger",
-                    Some(NoMeasurement::Disabled) => "it is switched off on the board",
-                    Some(NoMeasurement::Blanked) => "the board blanks it",
-                    _ => "it never answers",
-                };
-                format!("sensor {sensor} gives no measurement: {why}")
-            }
-            SensorState::Faulty(FaultKind::Noisy) => {
-                format!("sensor {sensor} scatters: its readings jump from sweep to sweep as no surface does")
-            }
-            SensorState::Faulty(FaultKind::Stuck) => {
-                format!("sensor {sensor} reads {:.3} m however the robot moves", self.last_range_m)
-            }
-        }
-    }
+/// How far the point a beam looks at, `range_m` ahead, has moved across the beam since the last sweep, metres.
+fn passed_m(sweep: &Sweep, beam: &Beam, range_m: f64) -> f64 {
+    let forward_m = 0.5 * (sweep.left_m + sweep.right_m);
+    (turn_rad(sweep) * range_m - forward_m * libm::sin(beam.robot_from_sensor.theta_rad)).abs()
 }

@@ -6,7 +6,8 @@
 //! SONAR n r1 .. rn x y theta odom_x odom_y odom_theta t host t
 //! ```
 //!
-//! Each sensor of the configured ring gets the laser beam nearest to its bearing. Beams span the front half turn, from right to
+//! Each sensor of the configured ring gets the laser beam nearest to its bearing or, where it has a cone, the least of those within its
+//! half-angle. Beams span the front half turn, from right to
 //! left: for an odd n beam i points at −90° + i · 180°/(n − 1), for an even n at −90° + (i + ½) · 180°/n. Sensors that look
 //! further back than 90.5° are left out, and so are beams of 0 m. SONAR readings belong to the sensors in order. The first kind of ranges in the log
 //! is used, the other skipped. Line order is the order of acquisition.
@@ -46,7 +47,8 @@ pub fn import(input: impl BufRead, file: &str, config: &Config, capture: &Path) 
 struct Log {
     recorder: Recorder,
     wheels: WheelTicks,
-    bearings_deg: Vec<f64>,
+    /// Bearing and half-angle of each sensor.
+    looks_deg: Vec<(f64, f64)>,
     max_range_m: f64,
     /// The kind of ranges that is used.
     kind: Option<String>,
@@ -58,7 +60,10 @@ impl Log {
         Ok(Self {
             recorder,
             wheels: WheelTicks::new(&config.robot).ok_or(ImportError::Config("robot.ticks_per_turn"))?,
-            bearings_deg: mountings.iter().map(|m| m.robot_from_sensor.theta_rad.to_degrees()).collect(),
+            looks_deg: mountings
+                .iter()
+                .map(|m| (m.robot_from_sensor.theta_rad.to_degrees(), m.half_angle_rad.to_degrees()))
+                .collect(),
             max_range_m: config.ring.max_range_m,
             kind: None,
         })
@@ -84,7 +89,7 @@ impl Log {
     fn ranges(&mut self, line: Line<'_>, fields: &[&str], is_sonar: bool) -> Result<(), ImportError> {
         let expected = "the number of ranges, at least 1 (for SONAR that of the configured sensors)";
         let count: usize = line.value(fields, 1, expected)?;
-        if count == 0 || count > MOST_BEAMS || (is_sonar && count != self.bearings_deg.len()) {
+        if count == 0 || count > MOST_BEAMS || (is_sonar && count != self.looks_deg.len()) {
             return Err(line.error(&count.to_string(), 1, expected));
         }
         let odometry = pose(line, fields, 2 + count + 3)?;
@@ -92,15 +97,22 @@ impl Log {
         let beams: Vec<f64> =
             (2..2 + count).map(|column| line.number(fields, column, "a range in metres")).collect::<Result<_, _>>()?;
         let ranges_m: Vec<Option<f64>> = self
-            .bearings_deg
+            .looks_deg
             .iter()
             .enumerate()
-            .map(|(sensor, &bearing_deg)| if is_sonar { Some(sensor) } else { nearest_beam(bearing_deg, count) })
-            .map(|beam| self.range(*beams.get(beam?)?))
+            .map(|(sensor, look)| if is_sonar { self.range(*beams.get(sensor)?) } else { self.least(&beams, *look) })
             .collect();
         let ticks = self.wheels.at(odometry);
         self.recorder.advance(t_s);
         Ok(self.recorder.sonar(ticks, &ranges_m)?)
+    }
+
+    /// The least range within a sensor's cone.
+    fn least(&self, beams: &[f64], (bearing_deg, half_angle_deg): (f64, f64)) -> Option<f64> {
+        let beam = |off_deg: f64| nearest_beam((bearing_deg + off_deg).clamp(-90.0, 90.0), beams.len());
+        nearest_beam(bearing_deg, beams.len())?;
+        let ranges_m = beams.get(beam(-half_angle_deg)?..=beam(half_angle_deg)?)?.iter();
+        ranges_m.filter_map(|beam_m| self.range(*beam_m)).min_by(f64::total_cmp)
     }
 
     fn range(&self, beam_m: f64) -> Option<f64> {

@@ -1,20 +1,25 @@
 //! The inverse sensor model of a sonar: a beam → which cells became freer and which more occupied.
 //!
 //! Up to the range the cone is free, because the nearest surface in it is at the range. Where on the arc that surface lies is not
-//! known from one return: a wall that the pose filter has recognised is marked at the point that echoed; an unexplained return is
-//! spread thinly over its arc, as far as that is not behind something known, so that only returns from several places add up to
-//! something. A beam that heard nothing clears a
-//! part of its cone and marks nothing, which removes the arcs at full range of the paper's Fig. 1. A ray stops at an
-//! occupied cell: behind a wall that mirrors the sound away nothing is known.
+//! known from one return:
+//!
+//! - A wall that the pose filter knows is marked at the point that echoed.
+//! - A return that a cell on the arc explains, because it is occupied already, is that cell's; only one that nothing explains is
+//!   spread thinly over its arc, so that returns from several places must agree before something appears.
+//! - A beam that heard nothing clears a part of its cone and marks nothing, which removes the arcs at full range of the paper's Fig. 1.
+//!
+//! A surface is thin: what is marked in one cell fades in weaker ones just before and behind it along the beam. A wall is a mirror: a ray
+//! that meets one steeply ends there and says nothing against it; one that should have been thrown back does. Each cell of a cone
+//! is touched about once: rays split on their way out, where they would be more than a cell apart.
 
-use super::grid::OccupancyGrid;
+use super::grid::{Facing, OccupancyGrid};
 use crate::geometry::{Point, Pose2};
 
 /// What the beam's return came from.
 #[derive(Clone, Copy, Debug)]
 pub enum Target {
-    /// A wall, at this point, running along this direction (radians).
-    Wall(Point, f64),
+    /// A wall, at this point, with this side toward the sensor.
+    Wall(Point, Facing),
     /// Something on the arc.
     Something,
     /// Nothing was heard.
@@ -22,78 +27,177 @@ pub enum Target {
 }
 
 // Log-odds in hundredths.
-const FREE: i16 = -9;
-const FREE_UNHEARD: i16 = -3;
-const WALL: i16 = 70;
-const WALL_BESIDE: i16 = 35;
+const FREE: i16 = -12;
+const FREE_UNHEARD: i16 = -4;
+const CONTRADICTED: i16 = -12;
+const WALL_CONTRADICTED: i16 = -60;
+const WALL: i16 = 28;
+const WALL_BESIDE: i16 = 14;
+const KNOWN: i16 = 30;
 const ARC_TOTAL: f64 = 60.0;
 const OPAQUE: i16 = 120;
 /// The part of the cone that is cleared: its rim hears too weakly.
 const CLEARED_PART: f64 = 0.7;
 /// The part of the full range that a beam without an echo clears.
 const UNHEARD_PART: f64 = 0.6;
+/// Rays of a cone at most; a wider or longer one is cleared less densely at its end.
+const MOST_RAYS: usize = 64;
+/// Sine of the incidence from which on a wall is a mirror: 30 degrees.
+const SIN_MIRROR: f64 = 0.5;
 
-/// Draws one beam into the grid.
+/// Clears the cone of one beam and, where it heard something, marks what that was.
 pub fn draw(grid: &mut OccupancyGrid, map_from_sensor: Pose2, half_angle_rad: f64, range_m: f64, target: Target) {
-    let cell_m = grid.cell_m();
     let (reach_m, free) = match target {
         Target::Nothing => (UNHEARD_PART * range_m, FREE_UNHEARD),
-        Target::Wall(..) | Target::Something => (range_m - 1.5 * cell_m, FREE),
+        Target::Wall(..) | Target::Something => (range_m - 1.5 * grid.cell_m(), FREE),
     };
-    let cleared_rad = CLEARED_PART * half_angle_rad;
-    let cells = (2.0 * cleared_rad * range_m / cell_m).max(1.0);
+    let fan = Fan::new(map_from_sensor, CLEARED_PART * half_angle_rad, reach_m, grid.cell_m());
+    let (count, is_open) = fan.clear(grid, free);
+    match target {
+        Target::Wall(point, facing) => mark_wall(grid, point, facing),
+        Target::Something => mark_arc(grid, &fan, range_m, &is_open[..count]),
+        Target::Nothing => {}
+    }
+}
+
+/// Marks the point of a wall that echoed, without clearing the way to it.
+pub fn mark_wall(grid: &mut OccupancyGrid, point: Point, facing: Facing) {
+    let cell = grid.cell(point);
+    let (across, along) = match facing {
+        Facing::X => ((1, 0), (0, 1)),
+        Facing::Y => ((0, 1), (1, 0)),
+    };
+    for (step, hundredths) in [(0, WALL), (-1, WALL_BESIDE), (1, WALL_BESIDE)] {
+        let here = cell.offset(step * along.0, step * along.1);
+        grid.add(here, hundredths);
+        grid.face(here, facing);
+        for behind in [-2, -1, 1, 2] {
+            grid.fade(here.offset(behind * across.0, behind * across.1), here, hundredths / 2);
+        }
+    }
+}
+
+/// Gives a return to the occupied cell that explains it, or to all of the arc that is in sight.
+fn mark_arc(grid: &mut OccupancyGrid, fan: &Fan, range_m: f64, is_open: &[bool]) {
+    let at = |ray: usize, range_m: f64| {
+        let (cos, sin) = fan.direction(ray, is_open.len());
+        Point::new(fan.origin.x + range_m * cos, fan.origin.y + range_m * sin)
+    };
+    let open = || (0..is_open.len()).filter(|&ray| is_open[ray]);
+    let mut known: Option<(i16, usize, f64)> = None;
+    for (ray, step) in open().flat_map(|ray| [(ray, 0.0), (ray, -1.0), (ray, 1.0)]) {
+        let range_m = range_m + step * grid.cell_m();
+        let value = grid.log_odds(grid.cell(at(ray, range_m)));
+        if value > OPAQUE && known.is_none_or(|(best, ..)| value > best) {
+            known = Some((value, ray, range_m));
+        }
+    }
+    let mut mark = |ray: usize, range_m: f64, hundredths: i16| {
+        let cell = grid.cell(at(ray, range_m));
+        grid.add(cell, hundredths);
+        for step in [-2.0, -1.0, 1.0, 2.0] {
+            let beside = grid.cell(at(ray, range_m + step * grid.cell_m()));
+            if beside != cell {
+                grid.fade(beside, cell, hundredths / 2);
+            }
+        }
+    };
+    if let Some((_, ray, range_m)) = known {
+        return mark(ray, range_m, KNOWN);
+    }
     #[expect(clippy::cast_possible_truncation, reason = "at most 60")]
-    let hit = (ARC_TOTAL / cells).ceil() as i16;
-    fan(cleared_rad, reach_m / cell_m, |off_rad| {
-        let is_open = clear(grid, map_from_sensor, off_rad, reach_m, free);
-        if is_open && matches!(target, Target::Something) {
-            let (sin, cos) = libm::sincos(off_rad);
-            grid.add(grid.cell(map_from_sensor.transform(Point::new(range_m * cos, range_m * sin))), hit);
-        }
-    });
-    if let Target::Wall(point, along_rad) = target {
-        let (sin, cos) = libm::sincos(along_rad);
-        grid.add(grid.cell(point), WALL);
-        for step_m in [-cell_m, cell_m] {
-            grid.add(grid.cell(Point::new(point.x + step_m * cos, point.y + step_m * sin)), WALL_BESIDE);
-        }
+    let hit = (ARC_TOTAL / is_open.len() as f64).ceil() as i16;
+    for ray in open() {
+        mark(ray, range_m, hit);
     }
 }
 
-/// Directions across a cone so dense that at a distance of `radius` steps neighbours are a step apart.
-fn fan(half_angle_rad: f64, radius: f64, mut each: impl FnMut(f64)) {
-    #[expect(clippy::cast_possible_truncation, reason = "a cone of 60 degrees and a range of 20 m are 4,000 cells")]
-    let side = (half_angle_rad * radius).ceil().max(0.0) as i32;
-    for index in -side..=side {
-        each(half_angle_rad * f64::from(index) / f64::from(side.max(1)));
-    }
+/// The rays of a cone, evenly spread, the outermost on its edges.
+struct Fan {
+    origin: Point,
+    axis_rad: f64,
+    half_angle_rad: f64,
+    reach_m: f64,
+    /// Rays beside the first: about as many as the cone is cells wide at its end.
+    steps: usize,
 }
 
-/// Clears along one ray, up to a distance or to an occupied cell; true where it got all the way.
-fn clear(grid: &mut OccupancyGrid, map_from_sensor: Pose2, off_rad: f64, reach_m: f64, free: i16) -> bool {
-    let (sin, cos) = libm::sincos(map_from_sensor.theta_rad + off_rad);
-    let step_m = grid.cell_m();
-    let mut distance_m = 0.5 * step_m;
-    while distance_m < reach_m {
-        let point = Point::new(map_from_sensor.x_m + distance_m * cos, map_from_sensor.y_m + distance_m * sin);
-        if grid.add(grid.cell(point), free) > OPAQUE {
-            return false;
+impl Fan {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+    fn new(map_from_sensor: Pose2, half_angle_rad: f64, reach_m: f64, cell_m: f64) -> Self {
+        let wide = 2.0 * half_angle_rad * reach_m / cell_m;
+        Self {
+            origin: map_from_sensor.position(),
+            axis_rad: map_from_sensor.theta_rad,
+            half_angle_rad,
+            reach_m,
+            steps: wide.ceil().clamp(0.0, (MOST_RAYS - 1) as f64) as usize,
         }
-        distance_m += step_m;
     }
-    true
+
+    /// Cosine and sine of a ray's direction.
+    fn direction(&self, ray: usize, count: usize) -> (f64, f64) {
+        let share = if count > 1 { 2.0 * ray as f64 / (count - 1) as f64 - 1.0 } else { 0.0 };
+        let (sin, cos) = libm::sincos(self.axis_rad + share * self.half_angle_rad);
+        (cos, sin)
+    }
+
+    /// Clears along the rays; gives how many there are and which of them got all the way.
+    fn clear(&self, grid: &mut OccupancyGrid, free: i16) -> (usize, [bool; MOST_RAYS]) {
+        let count = self.steps + 1;
+        let (mut ends_m, mut is_open) = ([f64::INFINITY; MOST_RAYS], [false; MOST_RAYS]);
+        let mut spread = count.next_power_of_two();
+        ends_m[0] = self.ray(grid, 0, 0.0, free);
+        while spread > 1 {
+            spread /= 2;
+            // Rays of twice this spread are a cell apart here; before, they touch the same cells.
+            let start_m = self.reach_m / (2 * spread) as f64;
+            for ray in (spread..count).step_by(2 * spread) {
+                let parent_m = ends_m[ray - spread];
+                ends_m[ray] = if parent_m < start_m { parent_m } else { self.ray(grid, ray, start_m, free) };
+            }
+        }
+        for (open, end_m) in is_open.iter_mut().zip(ends_m) {
+            *open = end_m >= self.reach_m;
+        }
+        (count, is_open)
+    }
+
+    /// Clears along one ray from `start_m` on, and gives where it ends: at an occupied cell, else at infinity.
+    fn ray(&self, grid: &mut OccupancyGrid, ray: usize, start_m: f64, free: i16) -> f64 {
+        let (cos, sin) = self.direction(ray, self.steps + 1);
+        let step_m = grid.cell_m();
+        let mut distance_m = start_m + 0.5 * step_m;
+        while distance_m < self.reach_m {
+            let cell = grid.cell(Point::new(self.origin.x + distance_m * cos, self.origin.y + distance_m * sin));
+            if grid.clear(cell, free, OPAQUE) {
+                let against = match grid.facing(cell) {
+                    Some(Facing::X) if sin.abs() > SIN_MIRROR => 0,
+                    Some(Facing::Y) if cos.abs() > SIN_MIRROR => 0,
+                    Some(_) => WALL_CONTRADICTED,
+                    None => CONTRADICTED,
+                };
+                grid.add(cell, against);
+                return distance_m;
+            }
+            distance_m += step_m;
+        }
+        f64::INFINITY
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    const HERE: Pose2 = Pose2 { x_m: 0.02, y_m: 0.02, theta_rad: 0.0 };
+
     #[test]
     fn a_wall_is_marked_and_the_way_to_it_cleared() {
         let mut grid = OccupancyGrid::new(0.05);
         let point = Point::new(1.52, 0.02);
-        for _ in 0..5 {
-            draw(&mut grid, Pose2::new(0.02, 0.02, 0.0), 0.2, 1.5, Target::Wall(point, 1.57));
+        for _ in 0..16 {
+            draw(&mut grid, HERE, 0.2, 1.5, Target::Wall(point, Facing::X));
         }
         assert!(grid.log_odds(grid.cell(point)) > 300);
         assert!(grid.log_odds(grid.cell(Point::new(1.0, 0.02))) < -30);
@@ -101,13 +205,65 @@ mod tests {
     }
 
     #[test]
+    fn every_cell_of_a_cone_is_cleared() {
+        let mut grid = OccupancyGrid::new(0.05);
+        draw(&mut grid, HERE, 0.25, 3.0, Target::Something);
+        for index in 0..1000 {
+            let (distance_m, share) = (0.1 + 0.275 * f64::from(index / 100), f64::from(index % 100) / 50.0 - 1.0);
+            let (sin, cos) = libm::sincos(0.95 * CLEARED_PART * 0.25 * share);
+            let cell = grid.cell(Point::new(0.02 + distance_m * cos, 0.02 + distance_m * sin));
+            assert!(grid.log_odds(cell) < 0, "{distance_m} m, {share}");
+        }
+    }
+
+    #[test]
     fn silence_marks_nothing_and_does_not_see_through_walls() {
         let mut grid = OccupancyGrid::new(0.05);
         let wall = grid.cell(Point::new(1.02, 0.02));
         grid.add(wall, 400);
-        draw(&mut grid, Pose2::new(0.02, 0.02, 0.0), 0.0, 3.0, Target::Nothing);
+        draw(&mut grid, HERE, 0.0, 3.0, Target::Nothing);
         assert_eq!(grid.log_odds(grid.cell(Point::new(1.3, 0.02))), 0);
         assert!(grid.log_odds(wall) > 300);
         assert!(grid.log_odds(grid.cell(Point::new(0.5, 0.02))) < 0);
+    }
+
+    #[test]
+    fn a_mirror_is_not_contradicted_from_the_side() {
+        for (facing, is_contradicted) in [(Facing::X, true), (Facing::Y, false)] {
+            let mut grid = OccupancyGrid::new(0.05);
+            let wall = grid.cell(Point::new(1.02, 0.02));
+            grid.add(wall, 400);
+            grid.face(wall, facing);
+            draw(&mut grid, HERE, 0.0, 2.0, Target::Something);
+            assert_eq!(grid.log_odds(wall) < 400, is_contradicted, "{facing:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_known_explains_a_return_and_the_rest_of_the_arc_stays_empty() {
+        let mut grid = OccupancyGrid::new(0.05);
+        let post = Point::new(1.525, 0.125);
+        grid.add(grid.cell(post), 200);
+        draw(&mut grid, HERE, 0.2, (post - HERE.position()).norm(), Target::Something);
+        assert!(grid.log_odds(grid.cell(post)) > 200);
+        assert_eq!(grid.log_odds(grid.cell(Point::new(1.525, -0.085))), 0);
+    }
+
+    #[test]
+    fn a_noisy_surface_stays_thin() {
+        let mut grid = OccupancyGrid::new(0.05);
+        for index in 0..400 {
+            // Most readings are right, one in five is a cell too far and one in five a cell too near.
+            let range_m = 1.5 + 0.05 * [0.0, 0.0, 1.0, 0.0, -1.0][index % 5];
+            draw(&mut grid, HERE, 0.0, range_m, Target::Something);
+        }
+        let value = |x: f64| grid.log_odds(grid.cell(Point::new(x, 0.02)));
+        assert!(
+            value(1.52) > 300 && value(1.57) < 62 && value(1.47) < 62,
+            "{} {} {}",
+            value(1.47),
+            value(1.52),
+            value(1.57)
+        );
     }
 }

@@ -14,7 +14,7 @@ const TILE: usize = SIDE.unsigned_abs() as usize;
 /// Tiles at most: 10,000 m² of 5 cm cells take about 4,000.
 const MAX_TILES: usize = 16_384;
 /// A restored map reaches no farther, in tiles: 800 m of 5 cm cells.
-const FARTHEST_TILE: i32 = 500;
+const FARTHEST_TILE: u32 = 500;
 /// Log-odds are clamped here, in hundredths: p from 0.04 to 0.98.
 const FLOOR: i16 = -320;
 const CEILING: i16 = 400;
@@ -28,23 +28,58 @@ pub struct Cell {
     pub row: i32,
 }
 
-type Tile = [i16; TILE * TILE];
+impl Cell {
+    /// The cell so many columns and rows on.
+    #[must_use]
+    pub const fn offset(self, columns: i32, rows: i32) -> Self {
+        Self { column: self.column.saturating_add(columns), row: self.row.saturating_add(rows) }
+    }
+}
+
+/// The axis that a wall's normal lies along.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Facing {
+    /// The wall runs along y.
+    X,
+    /// The wall runs along x.
+    Y,
+}
+
+#[derive(Clone, Debug)]
+struct Tile {
+    /// Log-odds, hundredths.
+    cells: [i16; TILE * TILE],
+    /// Two bits per row and column: a wall that faces along x, along y.
+    facing: [[u32; 2]; TILE],
+    /// The grid's revision at the last change.
+    revision: u64,
+}
 
 /// The grid.
 #[derive(Clone, Debug)]
 pub struct OccupancyGrid {
     cell_m: f64,
+    cells_per_m: f64,
     tiles: Vec<Tile>,
     places: HashMap<(i32, i32), usize>,
     recent: Option<((i32, i32), usize)>,
     refused: u64,
+    revision: u64,
 }
 
 impl OccupancyGrid {
     /// An empty grid with cells of `cell_m` metres.
     #[must_use]
     pub fn new(cell_m: f64) -> Self {
-        Self { cell_m, tiles: Vec::new(), places: HashMap::new(), recent: None, refused: 0 }
+        Self {
+            cell_m,
+            cells_per_m: cell_m.recip(),
+            tiles: Vec::new(),
+            places: HashMap::new(),
+            recent: None,
+            refused: 0,
+            revision: 0,
+        }
     }
 
     /// Side of a cell, metres.
@@ -61,27 +96,86 @@ impl OccupancyGrid {
 
     /// The cell that holds a point; points beyond 10⁸ cells share the outermost.
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, reason = "clamped")]
+    #[expect(clippy::cast_possible_truncation, reason = "saturates, and is then clamped")]
     pub fn cell(&self, point: Point) -> Cell {
-        let place = |coordinate_m: f64| libm::floor(coordinate_m / self.cell_m).clamp(-1e8, 1e8) as i32;
+        const FARTHEST: i32 = 100_000_000;
+        let place = |coordinate_m: f64| {
+            let cells = coordinate_m * self.cells_per_m;
+            let whole = (cells as i32).clamp(-FARTHEST, FARTHEST);
+            // A cast rounds toward zero.
+            whole - i32::from(f64::from(whole) > cells)
+        };
         Cell { column: place(point.x), row: place(point.y) }
     }
 
-    /// Adds `hundredths` of log-odds to a cell and returns its new value.
-    pub fn add(&mut self, cell: Cell, hundredths: i16) -> i16 {
-        let Some(tile) = self.tile(cell) else {
-            self.refused += 1;
-            return 0;
-        };
-        let value = &mut self.tiles[tile][place_in_tile(cell)];
-        *value = value.saturating_add(hundredths).clamp(FLOOR, CEILING);
-        *value
+    /// Begins a new revision and returns it: what is written from now on belongs to it.
+    pub fn revise(&mut self) -> u64 {
+        self.revision += 1;
+        self.revision
+    }
+
+    /// The lower left cells of the tiles that have changed in `revision` or later, in no order.
+    pub fn changed_since(&self, revision: u64) -> impl Iterator<Item = Cell> {
+        let corner = |&(column, row): &(i32, i32)| Cell { column: column * SIDE, row: row * SIDE };
+        self.places
+            .iter()
+            .filter(move |(_, tile)| self.tiles[**tile].revision >= revision)
+            .map(move |(key, _)| corner(key))
+    }
+
+    /// Adds `hundredths` of log-odds to a cell.
+    pub fn add(&mut self, cell: Cell, hundredths: i16) {
+        if let Some(tile) = self.tile(cell) {
+            let value = &mut tile.cells[place_in_tile(cell)];
+            *value = (*value + hundredths).clamp(FLOOR, CEILING);
+        }
+    }
+
+    /// Adds the negative `hundredths` to a cell, unless something stands there: a value above `opaque`, or a wall that is known at all.
+    /// True where something does.
+    pub fn clear(&mut self, cell: Cell, hundredths: i16, opaque: i16) -> bool {
+        let (row, bit) = bit_in_tile(cell);
+        let Some(tile) = self.tile(cell) else { return false };
+        let value = &mut tile.cells[place_in_tile(cell)];
+        if *value > opaque || (*value > 0 && tile.facing[row].iter().any(|bits| bits & bit != 0)) {
+            return true;
+        }
+        *value = (*value + hundredths).max(FLOOR);
+        false
+    }
+
+    /// Takes `hundredths` from an occupied cell, down to where nothing is known, unless it is as well known as `than`.
+    pub fn fade(&mut self, cell: Cell, than: Cell, hundredths: i16) {
+        let value = self.log_odds(cell);
+        if value > 0 && value < self.log_odds(than) {
+            self.add(cell, -hundredths.min(value));
+        }
+    }
+
+    /// The wall in a cell faces along this axis; one that has faced along both is no mirror.
+    pub fn face(&mut self, cell: Cell, facing: Facing) {
+        if let Some(tile) = self.tile(cell) {
+            let (row, bit) = bit_in_tile(cell);
+            tile.facing[row][facing as usize] |= bit;
+        }
+    }
+
+    /// The one axis that the wall in a cell faces along; none where that is not known.
+    #[must_use]
+    pub fn facing(&self, cell: Cell) -> Option<Facing> {
+        let (row, bit) = bit_in_tile(cell);
+        let [x, y] = self.tiles[self.place(tile_of(cell))?].facing[row].map(|bits| bits & bit != 0);
+        match (x, y) {
+            (true, false) => Some(Facing::X),
+            (false, true) => Some(Facing::Y),
+            _ => None,
+        }
     }
 
     /// A cell's log-odds in hundredths; 0 where nothing is known.
     #[must_use]
     pub fn log_odds(&self, cell: Cell) -> i16 {
-        self.places.get(&tile_of(cell)).map_or(0, |&tile| self.tiles[tile][place_in_tile(cell)])
+        self.place(tile_of(cell)).map_or(0, |tile| self.tiles[tile].cells[place_in_tile(cell)])
     }
 
     /// The tiles as plain numbers, in the order of their places.
@@ -89,10 +183,9 @@ impl OccupancyGrid {
     pub fn memory(&self) -> MapMemory {
         let mut places: Vec<_> = self.places.iter().collect();
         places.sort_unstable();
-        let tile = |(&(column, row), &tile): (&(i32, i32), &usize)| TileMemory {
-            column,
-            row,
-            log_odds: self.tiles[tile].to_vec(),
+        let tile = |(&(column, row), &place): (&(i32, i32), &usize)| {
+            let Tile { cells, facing, .. } = &self.tiles[place];
+            TileMemory { column, row, log_odds: cells.to_vec(), facing: facing.to_vec() }
         };
         MapMemory { cell_m: self.cell_m, tiles: places.into_iter().map(tile).collect() }
     }
@@ -107,35 +200,54 @@ impl OccupancyGrid {
         }
         let mut grid = Self::new(memory.cell_m);
         for tile in &memory.tiles {
-            let cells = Tile::try_from(&tile.log_odds[..]).map_err(|_| Impossible("a tile of the map is not whole"))?;
-            let is_near = tile.column.abs().max(tile.row.abs()) < FARTHEST_TILE;
-            if !is_near || cells.iter().any(|value| !(FLOOR..=CEILING).contains(value)) {
+            let (Ok(cells), Ok(facing)) = (tile.log_odds[..].try_into(), tile.facing[..].try_into()) else {
+                return Err(Impossible("a tile of the map is not whole"));
+            };
+            let is_near = tile.column.unsigned_abs().max(tile.row.unsigned_abs()) < FARTHEST_TILE;
+            if !is_near || tile.log_odds.iter().any(|value| !(FLOOR..=CEILING).contains(value)) {
                 return Err(Impossible("a tile of the map holds what no tile can"));
             }
             if grid.places.insert((tile.column, tile.row), grid.tiles.len()).is_some() {
                 return Err(Impossible("a tile of the map is there twice"));
             }
-            grid.tiles.push(cells);
+            grid.tiles.push(Tile { cells, facing, revision: 0 });
         }
         Ok(grid)
     }
 
-    fn tile(&mut self, cell: Cell) -> Option<usize> {
-        let key = tile_of(cell);
-        if let Some((_, tile)) = self.recent.filter(|(recent, _)| *recent == key) {
-            return Some(tile);
+    /// Where the tile of that key is.
+    fn place(&self, key: (i32, i32)) -> Option<usize> {
+        match self.recent {
+            Some((recent, place)) if recent == key => Some(place),
+            _ => self.places.get(&key).copied(),
         }
-        let next = self.tiles.len();
-        let tile = match self.places.get(&key) {
-            Some(&tile) => tile,
-            None if next < MAX_TILES => {
-                self.tiles.push([0; TILE * TILE]);
-                self.places.insert(key, next);
-                next
+    }
+
+    /// The tile of a cell that is about to change, made where it does not exist; none, and counted, where there is no more room.
+    fn tile(&mut self, cell: Cell) -> Option<&mut Tile> {
+        let key = tile_of(cell);
+        let place = match self.recent {
+            Some((recent, place)) if recent == key => place,
+            _ => {
+                let next = self.tiles.len();
+                let place = match self.places.get(&key) {
+                    Some(&place) => place,
+                    None if next < MAX_TILES => {
+                        self.tiles.push(Tile { cells: [0; TILE * TILE], facing: [[0; 2]; TILE], revision: 0 });
+                        self.places.insert(key, next);
+                        next
+                    }
+                    None => {
+                        self.refused += 1;
+                        return None;
+                    }
+                };
+                self.recent = Some((key, place));
+                place
             }
-            None => return None,
         };
-        self.recent = Some((key, tile));
+        let tile = &mut self.tiles[place];
+        tile.revision = self.revision;
         Some(tile)
     }
 
@@ -159,7 +271,7 @@ impl OccupancyGrid {
         let mut occupancy = vec![Raster::UNKNOWN; width * height];
         for (&(column, row), &tile) in &self.places {
             let corner = (row - bottom) as usize * TILE * width + (column - left) as usize * TILE;
-            for (y, cells) in self.tiles[tile].chunks_exact(TILE).enumerate() {
+            for (y, cells) in self.tiles[tile].cells.chunks_exact(TILE).enumerate() {
                 let line = &mut occupancy[corner + y * width..][..TILE];
                 for (target, &value) in line.iter_mut().zip(cells).filter(|(_, value)| **value != 0) {
                     *target = percent[(value - FLOOR) as usize];
@@ -180,6 +292,12 @@ const fn place_in_tile(cell: Cell) -> usize {
     (cell.row.rem_euclid(SIDE) * SIDE + cell.column.rem_euclid(SIDE)) as usize
 }
 
+/// Row and column bit in the tile.
+#[allow(clippy::cast_sign_loss, reason = "Euclidean remainders are not negative")]
+const fn bit_in_tile(cell: Cell) -> (usize, u32) {
+    (cell.row.rem_euclid(SIDE) as usize, 1 << cell.column.rem_euclid(SIDE))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -190,7 +308,9 @@ mod tests {
         fn log_odds_stay_clamped(steps in prop::collection::vec(-300..300i16, 1..50)) {
             let mut grid = OccupancyGrid::new(0.05);
             for step in steps {
-                let value = grid.add(Cell { column: -3, row: 70 }, step);
+                let cell = Cell { column: -3, row: 70 };
+                grid.add(cell, step);
+                let value = grid.log_odds(cell);
                 prop_assert!((FLOOR..=CEILING).contains(&value));
             }
         }
@@ -206,5 +326,57 @@ mod tests {
             prop_assert!(raster.occupancy[row * raster.width + column] >= 97 || grid.cell(point) == grid.cell(Point::origin()));
             prop_assert_eq!(raster.occupancy.len(), raster.width * raster.height);
         }
+    }
+
+    #[test]
+    fn only_changed_tiles_are_published() {
+        let mut grid = OccupancyGrid::new(0.05);
+        let (first, second) = (Cell { column: 5, row: -1 }, Cell { column: 40, row: 3 });
+        grid.add(first, 10);
+        let revision = grid.revise();
+        assert_eq!(grid.changed_since(revision).count(), 0);
+        grid.add(second, 10);
+        assert_eq!(grid.changed_since(revision).collect::<Vec<_>>(), [Cell { column: 32, row: 0 }]);
+        assert_eq!(grid.changed_since(0).count(), 2);
+    }
+
+    #[test]
+    fn a_restored_grid_knows_what_it_knew() {
+        let mut grid = OccupancyGrid::new(0.05);
+        for (column, facing) in [(40, Facing::X), (-3, Facing::Y)] {
+            grid.add(Cell { column, row: -70 }, 90);
+            grid.face(Cell { column, row: -70 }, facing);
+        }
+        let restored = OccupancyGrid::restore(&grid.memory()).unwrap();
+        assert_eq!(restored.memory(), grid.memory());
+        assert_eq!(restored.facing(Cell { column: -3, row: -70 }), Some(Facing::Y));
+        let mut far = grid.memory();
+        far.tiles[0].column = i32::MIN;
+        assert!(OccupancyGrid::restore(&far).is_err());
+    }
+
+    #[test]
+    fn what_finds_no_room_is_counted() {
+        let mut grid = OccupancyGrid::new(0.05);
+        for column in 0..20_000 {
+            grid.add(Cell { column: column * SIDE, row: 0 }, 10);
+        }
+        assert_eq!((grid.tiles.len(), grid.refused()), (MAX_TILES, 20_000 - MAX_TILES as u64));
+    }
+
+    #[test]
+    fn fading_never_makes_free() {
+        let mut grid = OccupancyGrid::new(0.05);
+        let cell = Cell { column: 0, row: 0 };
+        let known = cell.offset(1, 0);
+        grid.add(cell, 10);
+        grid.fade(cell, known, 3);
+        assert_eq!(grid.log_odds(cell), 10, "the other is no better known");
+        grid.add(known, 100);
+        grid.fade(cell, known, 30);
+        assert_eq!(grid.log_odds(cell), 0);
+        grid.add(cell, -10);
+        grid.fade(cell, known, 30);
+        assert_eq!(grid.log_odds(cell), -10);
     }
 }

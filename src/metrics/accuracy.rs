@@ -2,12 +2,12 @@
 //!
 //! The estimate is aligned with the truth at the FIRST pose only, position and heading: `world_from_map` =
 //! `truth_0 * estimate_0⁻¹`. This is stricter than the usual least-squares alignment over the whole path, because an early
-//! heading error is not averaged away. The truth is interpolated to the estimate's time.
+//! heading error is not averaged away.
 
+use super::pairing::Pairing;
 use crate::geometry::{Pose2, wrap_angle};
 use crate::time::Timestamp;
 use serde::Serialize;
-use std::collections::VecDeque;
 
 /// The errors over a whole run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -23,11 +23,10 @@ pub struct Accuracy {
 /// Compares estimates with the truth as both come in, each in the order of its times.
 #[derive(Clone, Debug, Default)]
 pub struct AccuracyMeter {
-    truth: VecDeque<(Timestamp, Pose2)>,
-    /// Estimates that wait for a later truth.
-    waiting: VecDeque<(Timestamp, Pose2)>,
+    pairing: Pairing<Pose2>,
     world_from_map: Option<Pose2>,
     compared: u64,
+    last_m: f64,
     square_sum_m2: f64,
     square_max_m2: f64,
     heading_square_sum_rad2: f64,
@@ -36,20 +35,39 @@ pub struct AccuracyMeter {
 impl AccuracyMeter {
     /// Takes an estimated pose, `map_from_robot`.
     pub fn estimate(&mut self, at: Timestamp, pose: Pose2) {
-        push_bounded(&mut self.waiting, (at, pose));
+        self.pairing.estimate(at, pose);
         self.compare();
     }
 
     /// Takes a true pose, `world_from_robot`.
     pub fn truth(&mut self, at: Timestamp, pose: Pose2) {
-        push_bounded(&mut self.truth, (at, pose));
+        self.pairing.truth(at, pose);
         self.compare();
+    }
+
+    /// Takes an estimate, `map_from_robot`, and the true pose of the same instant, `world_from_robot`.
+    pub fn add(&mut self, estimate: Pose2, truth: Pose2) {
+        let world_from_map = *self.world_from_map.get_or_insert_with(|| truth * estimate.inverse());
+        let aligned = world_from_map * estimate;
+        let square = (aligned.position() - truth.position()).norm_squared();
+        let turn = wrap_angle(aligned.theta_rad - truth.theta_rad);
+        self.compared += 1;
+        self.last_m = square.sqrt();
+        self.square_sum_m2 += square;
+        self.square_max_m2 = self.square_max_m2.max(square);
+        self.heading_square_sum_rad2 += turn * turn;
     }
 
     /// The alignment at the first pose; none before it.
     #[must_use]
     pub const fn world_from_map(&self) -> Option<Pose2> {
         self.world_from_map
+    }
+
+    /// Position error of the last estimate compared, metres; 0 where none has been.
+    #[must_use]
+    pub const fn last_m(&self) -> f64 {
+        self.last_m
     }
 
     /// The errors so far; none where no estimate has met a truth.
@@ -64,50 +82,11 @@ impl AccuracyMeter {
     }
 
     fn compare(&mut self) {
-        while let (Some(&(at, pose)), Some(&(latest, _))) = (self.waiting.front(), self.truth.back()) {
-            if at > latest {
-                break;
-            }
-            self.waiting.pop_front();
-            while self.truth.get(1).is_some_and(|&(next, _)| next <= at) {
-                self.truth.pop_front();
-            }
-            let before = self.truth.front().filter(|(earlier, _)| *earlier <= at).copied();
-            if let Some(before) = before {
-                let after = self.truth.get(1).copied().unwrap_or(before);
-                self.add(pose, between(before, after, at));
-            }
+        while let Some(pair) = self.pairing.next_pair() {
+            self.add(pair.estimate, pair.truth);
         }
     }
-
-    fn add(&mut self, estimate: Pose2, truth: Pose2) {
-        let world_from_map = *self.world_from_map.get_or_insert_with(|| truth * estimate.inverse());
-        let aligned = world_from_map * estimate;
-        let square = (aligned.position() - truth.position()).norm_squared();
-        let turn = wrap_angle(aligned.theta_rad - truth.theta_rad);
-        self.compared += 1;
-        self.square_sum_m2 += square;
-        self.square_max_m2 = self.square_max_m2.max(square);
-        self.heading_square_sum_rad2 += turn * turn;
-    }
 }
-
-fn push_bounded(queue: &mut VecDeque<(Timestamp, Pose2)>, item: (Timestamp, Pose2)) {
-    if queue.len() == MAX_QUEUE {
-        queue.pop_front();
-    }
-    queue.push_back(item);
-}
-
-fn between((t0, a): (Timestamp, Pose2), (t1, b): (Timestamp, Pose2), at: Timestamp) -> Pose2 {
-    let span_s = t1.seconds_since(t0);
-    let part = if span_s > 0.0 { at.seconds_since(t0) / span_s } else { 0.0 };
-    let turn = wrap_angle(b.theta_rad - a.theta_rad);
-    Pose2::new(a.x_m + part * (b.x_m - a.x_m), a.y_m + part * (b.y_m - a.y_m), a.theta_rad + part * turn)
-}
-
-/// Poses kept while one stream runs ahead of the other: 40 s of truth at 100 Hz.
-const MAX_QUEUE: usize = 4096;
 
 #[cfg(test)]
 mod tests {
@@ -153,11 +132,5 @@ mod tests {
         assert_eq!(meter.accuracy(), None);
         meter.estimate(ms(2), Pose2::new(7.0, 0.0, 0.0));
         assert!(meter.accuracy().unwrap().ate_max_m < 1e-12);
-    }
-
-    #[test]
-    fn headings_are_interpolated_across_half_a_turn() {
-        let middle = between((ms(0), Pose2::new(0.0, 0.0, 3.1)), (ms(2), Pose2::new(2.0, 0.0, -3.1)), ms(1));
-        assert!(middle.theta_rad.abs() > 3.1 && (middle.x_m - 1.0).abs() < 1e-12);
     }
 }

@@ -1,7 +1,19 @@
-//! How good a run was, against the truth: computed while the run goes on, in constant memory.
+//! How good a run was, against the truth.
 
 mod accuracy;
+mod consistency;
+mod detection;
 mod faults;
+mod map_quality;
+mod pairing;
+mod relations;
+mod relative;
 
 pub use accuracy::{Accuracy, AccuracyMeter};
-pub use faults::{FaultMeter, FaultScore, TrueFault};
+pub use consistency::{building_frame, mean_nees};
+pub use detection::{Detection, DetectionMeter, KINDS, KindSums};
+pub use faults::{FaultMeter, FaultScore, Tally, TrueFault};
+pub use map_quality::{MapMeter, MapQuality, Wall};
+pub use pairing::{Pair, Pairing};
+pub use relations::{Relation, RelationError, relation_error};
+pub use relative::{RelativeError, relative_error};

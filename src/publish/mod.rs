@@ -8,6 +8,7 @@ mod summary;
 mod track;
 mod trajectory;
 
+pub use picture::{Curve, Plot};
 pub use summary::Summary;
 
 use crate::config::Config;
@@ -122,7 +123,7 @@ impl Outputs {
             Event::Fault(fault) => {
                 self.fault_log.append(fault)?;
                 if let Some(faults) = &mut self.faults {
-                    faults.state(fault.sensor, fault.state);
+                    faults.fault(fault);
                 }
             }
             Event::Position(position) => self.position = Some(position.clone()),

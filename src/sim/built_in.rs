@@ -1,4 +1,4 @@
-//! The built-in worlds: `flat`, `office` and `furnished`.
+//! The built-in worlds: `flat`, `office`, `furnished`, `home` and `room`.
 
 use super::floor_plan::{FloorPlan, Rectangle, box_faces};
 use super::world::World;
@@ -6,7 +6,7 @@ use crate::geometry::Point;
 
 impl World {
     /// The names of the built-in worlds.
-    pub const BUILT_IN: [&'static str; 3] = ["flat", "office", "furnished"];
+    pub const BUILT_IN: [&'static str; 5] = ["flat", "office", "furnished", "home", "room"];
 
     /// The built-in world of that name, if there is one. Its start heading comes from the seed.
     #[must_use]
@@ -15,6 +15,8 @@ impl World {
             "flat" => Some(flat()),
             "office" => Some(office()),
             "furnished" => Some(furnished()),
+            "home" => Some(home()),
+            "room" => Some(room()),
             _ => None,
         }
     }
@@ -111,13 +113,48 @@ fn furnished() -> World {
     World::new("furnished", faces, Point::new(2.2, 2.2), None)
 }
 
+/// A flat of 12 x 10 m, for comparison with figures that others got on that size: four rooms and a bath round a hall.
+fn home() -> World {
+    const ROOMS: [Rectangle; 6] = [
+        [0.0, 0.0, 5.4, 4.4],
+        [5.5, 0.0, 8.6, 4.4],
+        [8.7, 0.0, 12.0, 4.4],
+        [0.0, 4.5, 12.0, 5.9],
+        [0.0, 6.0, 6.9, 10.0],
+        [7.0, 6.0, 12.0, 10.0],
+    ];
+    const DOORS: [Rectangle; 6] = [
+        [3.6, 4.4, 4.5, 4.5],
+        [5.4, 2.6, 5.5, 3.5],
+        [6.6, 4.4, 7.5, 4.5],
+        [9.4, 4.4, 10.3, 4.5],
+        [1.5, 5.9, 2.4, 6.0],
+        [8.2, 5.9, 9.1, 6.0],
+    ];
+    let free = [&ROOMS[..], &DOORS].concat();
+    let blocks = [[0.0, 1.4, 0.9, 3.2], [10.8, 0.0, 12.0, 0.6], [3.0, 9.4, 5.0, 10.0], [11.4, 7.4, 12.0, 8.8]];
+    World::new("home", FloorPlan { free: &free, blocks: &blocks }.faces(), Point::new(2.6, 2.2), None)
+}
+
+/// One empty room of 4.8 x 3.4 m: from anywhere in it, most sensors hear a wall within 3 m.
+fn room() -> World {
+    let faces = FloorPlan { free: &[[0.0, 0.0, 4.8, 3.4]], blocks: &[] }.faces();
+    World::new("room", faces, Point::new(1.6, 1.5), None)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn built_in_worlds_have_their_sizes_and_roomy_starts() {
-        for (name, width, height) in [("flat", 10.0, 8.0), ("office", 30.0, 20.0), ("furnished", 8.0, 6.0)] {
+        for (name, width, height) in [
+            ("flat", 10.0, 8.0),
+            ("office", 30.0, 20.0),
+            ("furnished", 8.0, 6.0),
+            ("home", 12.0, 10.0),
+            ("room", 4.8, 3.4),
+        ] {
             let world = World::named(name).unwrap();
             let (low, high) = world.bounds();
             assert_eq!((low, high), (Point::origin(), Point::new(width, height)), "{name}");
@@ -132,6 +169,6 @@ mod tests {
             let world = World::named(name).unwrap();
             world.segments.iter().filter(|s| s.normal().x.abs().min(s.normal().y.abs()) > 1e-9).count()
         };
-        assert_eq!((crooked("flat"), crooked("office"), crooked("furnished")), (0, 0, 12));
+        assert_eq!(World::BUILT_IN.map(crooked), [0, 0, 12, 0, 0]);
     }
 }

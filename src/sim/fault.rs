@@ -50,29 +50,41 @@ pub struct SensorFault {
     pub kind: FaultKind,
     /// Seconds from the session's start until it breaks.
     pub from_s: f64,
+    /// Seconds from the session's start until it is whole again; infinite for good.
+    pub until_s: f64,
 }
 
 impl FromStr for SensorFault {
     type Err = String;
 
-    /// Reads `SENSOR:KIND` or `SENSOR:KIND@SECONDS`, for example `7:saturated@30s`; the `s` may be left out.
+    /// Reads `SENSOR:KIND`, `SENSOR:KIND@SECONDS` or `SENSOR:KIND@SECONDS-SECONDS`, for example `7:saturated@30s-40s`; the
+    /// `s` may be left out.
     fn from_str(text: &str) -> Result<Self, String> {
         let malformed = || format!("fault \"{text}\" is not SENSOR:KIND@TIME, for example 7:saturated@30s");
         let (sensor, rest) = text.split_once(':').ok_or_else(malformed)?;
-        let (kind, time) = rest.split_once('@').unwrap_or((rest, "0"));
-        let seconds = time.strip_suffix('s').unwrap_or(time);
-        let from_s: f64 = seconds
-            .parse()
-            .ok()
-            .filter(|s: &f64| s.is_finite() && *s >= 0.0)
-            .ok_or_else(|| format!("fault \"{text}\": \"{time}\" is not a time in seconds, for example 30s"))?;
+        let (kind, span) = rest.split_once('@').unwrap_or((rest, "0"));
+        let (from, until) = span.split_once('-').map_or((span, None), |(from, until)| (from, Some(until)));
+        let seconds = |time: &str| {
+            let parsed =
+                time.strip_suffix('s').unwrap_or(time).parse().ok().filter(|s: &f64| s.is_finite() && *s >= 0.0);
+            parsed.ok_or_else(|| format!("fault \"{text}\": \"{time}\" is not a time in seconds, for example 30s"))
+        };
         Ok(Self {
             sensor: sensor
                 .parse()
                 .map_err(|_| format!("fault \"{text}\": \"{sensor}\" is not a sensor's number, for example 7"))?,
             kind: kind.parse().map_err(|error| format!("fault \"{text}\": {error}"))?,
-            from_s,
+            from_s: seconds(from)?,
+            until_s: until.map_or(Ok(f64::INFINITY), seconds)?,
         })
+    }
+}
+
+/// The form that [`SensorFault::from_str`] reads.
+impl std::fmt::Display for SensorFault {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}:{}@{}s", self.sensor, self.kind.word(), self.from_s)?;
+        if self.until_s.is_finite() { write!(f, "-{}s", self.until_s) } else { Ok(()) }
     }
 }
 
@@ -84,7 +96,12 @@ pub enum FaultMix {
     None,
     /// The paper's test: of n sensors n/16 saturated, n/16 missing and n/8 noisy from the start (2, 2 and 4 of 32).
     Paper,
+    /// Each kind on n/16 of n sensors (at least one), all from [`LATE_S`] on: the detector sees them healthy before.
+    Late,
 }
+
+/// When the faults of [`FaultMix::Late`] begin, seconds.
+pub const LATE_S: f64 = 60.0;
 
 impl FromStr for FaultMix {
     type Err = String;
@@ -93,12 +110,23 @@ impl FromStr for FaultMix {
         match word {
             "none" => Ok(Self::None),
             "paper" => Ok(Self::Paper),
-            _ => Err(format!("unknown fault mix \"{word}\": it is none or paper")),
+            "late" => Ok(Self::Late),
+            _ => Err(format!("unknown fault mix \"{word}\": it is none, paper or late")),
         }
     }
 }
 
 impl FaultMix {
+    /// The word used on the command line.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Paper => "paper",
+            Self::Late => "late",
+        }
+    }
+
     /// The mix's faults for a ring of `sensors`; which sensors they hit comes from `random`. In order of sensor ids.
     pub fn faults(self, sensors: u8, random: &mut Random) -> Vec<SensorFault> {
         let kinds = match self {
@@ -107,11 +135,24 @@ impl FaultMix {
                 let (few, more) = (usize::from(sensors / 16), usize::from(sensors / 8));
                 [vec![FaultKind::Saturated; few], vec![FaultKind::Missing; few], vec![FaultKind::Noisy; more]].concat()
             }
+            Self::Late => {
+                let each = usize::from(sensors / 16).max(1);
+                [FaultKind::Saturated, FaultKind::Missing, FaultKind::Noisy, FaultKind::Stuck]
+                    .map(|kind| vec![kind; each])
+                    .concat()
+            }
         };
+        let from_s = if self == Self::Late { LATE_S } else { 0.0 };
         let mut healthy: Vec<u8> = (0..sensors).collect();
         let mut faults: Vec<SensorFault> = kinds
             .into_iter()
-            .map(|kind| SensorFault { sensor: healthy.swap_remove(random.below(healthy.len())), kind, from_s: 0.0 })
+            .take(usize::from(sensors))
+            .map(|kind| SensorFault {
+                sensor: healthy.swap_remove(random.below(healthy.len())),
+                kind,
+                from_s,
+                until_s: f64::INFINITY,
+            })
             .collect();
         faults.sort_by_key(|fault| fault.sensor);
         faults
@@ -153,7 +194,8 @@ impl Faults {
 
     /// What `sensor` gives at `at_s` seconds instead of the healthy reading `read_m` (none: no echo).
     pub fn apply(&mut self, sensor: u8, at_s: f64, read_m: Option<f64>) -> Reading {
-        let begun = self.schedule.iter().filter(|fault| fault.sensor == sensor && fault.from_s <= at_s);
+        let is_on = |fault: &&SensorFault| fault.sensor == sensor && fault.from_s <= at_s && at_s < fault.until_s;
+        let begun = self.schedule.iter().filter(is_on);
         let kind = begun.max_by(|a, b| a.from_s.total_cmp(&b.from_s)).map(|fault| fault.kind);
         let given_m = match kind {
             None => read_m,
@@ -191,10 +233,12 @@ mod tests {
 
     #[test]
     fn the_command_lines_form_is_read() {
-        let fault = |kind, from_s| Ok(SensorFault { sensor: 7, kind, from_s });
+        let fault = |kind, from_s| Ok(SensorFault { sensor: 7, kind, from_s, until_s: f64::INFINITY });
         assert_eq!("7:saturated@30s".parse(), fault(FaultKind::Saturated, 30.0));
         assert_eq!("7:stuck@2.5".parse(), fault(FaultKind::Stuck, 2.5));
         assert_eq!("7:missing".parse(), fault(FaultKind::Missing, 0.0));
+        let passing: SensorFault = "7:noisy@3s-4.5s".parse().unwrap();
+        assert_eq!((passing.from_s, passing.until_s, passing.to_string().as_str()), (3.0, 4.5, "7:noisy@3s-4.5s"));
     }
 
     #[test]
@@ -234,5 +278,15 @@ mod tests {
         assert_eq!(faults.apply(3, 6.0, Some(2.0)), Reading::Range(1.2));
         assert_eq!(faults.apply(3, 7.0, None), Reading::Range(1.2));
         assert_eq!(faults.apply(4, 7.0, Some(0.4)), Reading::Range(0.4));
+    }
+
+    #[test]
+    fn a_fault_that_passes_leaves_a_healthy_sensor() {
+        let mut faults = faults(&["0:saturated@5-6", "0:missing@8-9"]);
+        let mut at = |at_s| faults.apply(0, at_s, Some(1.0));
+        assert_eq!([4.9, 5.0, 6.0, 8.5, 9.0].map(&mut at), {
+            let healthy = Reading::Range(1.0);
+            [healthy, Reading::NoEcho, healthy, Reading::Missing, healthy]
+        });
     }
 }

@@ -33,6 +33,15 @@ pub enum BeamShape {
 }
 
 impl BeamShape {
+    /// The word used on the command line.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Cone => "cone",
+            Self::Point => "point",
+        }
+    }
+
     /// Half the opening angle, radians.
     #[must_use]
     pub const fn half_angle_rad(self) -> f64 {

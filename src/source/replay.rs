@@ -23,13 +23,22 @@ pub fn replay(capture: &mut CaptureReader, session: &mut Session, progress: impl
     for record in capture {
         let record = record?;
         progress(record.at().seconds());
-        match record {
-            Record::Received { at, bytes } => session.received(at, &bytes)?,
-            Record::Sent { at, bytes } => session.sent(at, &bytes)?,
-            Record::Truth { at, pose } => session.truth(at, pose)?,
-        }
-        // What was really sent is in the capture.
-        session.take_transmit();
+        step(session, record)?;
     }
+    Ok(())
+}
+
+/// Feeds one record of a capture to a session.
+///
+/// # Errors
+/// When an output cannot be written.
+pub fn step(session: &mut Session, record: Record) -> Result<(), PublishError> {
+    match record {
+        Record::Received { at, bytes } => session.received(at, &bytes)?,
+        Record::Sent { at, bytes } => session.sent(at, &bytes)?,
+        Record::Truth { at, pose } => session.truth(at, pose)?,
+    }
+    // What was really sent is in the capture.
+    session.take_transmit();
     Ok(())
 }

@@ -4,7 +4,7 @@
 //! depends on what was read and written and when, never on when a timer fired: a recording replays bit for bit.
 
 use crate::config::Config;
-use crate::event::{Event, FaultEvent, Input, Output, PositionEvent, SensorState};
+use crate::event::{Estimate, Event, FaultEvent, Input, Output, PositionEvent, SensorState};
 use crate::geometry::{Pose2, Ring};
 use crate::link::Reception;
 use crate::memory::{Impossible, Memory};
@@ -22,6 +22,7 @@ pub struct Session {
     outputs: Outputs,
     transmit: Vec<Bytes>,
     faulty: Vec<Option<FaultEvent>>,
+    estimate: Option<Estimate>,
     now: Timestamp,
 }
 
@@ -33,7 +34,8 @@ impl Session {
     pub fn new(config: Config, folder: &Path) -> Result<Self, PublishError> {
         let pipeline = Pipeline::new(&config);
         let outputs = Outputs::create(folder)?;
-        Ok(Self { config, pipeline, outputs, transmit: Vec::new(), faulty: Vec::new(), now: Timestamp::default() })
+        let (transmit, faulty) = (Vec::new(), Vec::new());
+        Ok(Self { config, pipeline, outputs, transmit, faulty, estimate: None, now: Timestamp::default() })
     }
 
     /// The same session, beginning with what another has remembered.
@@ -136,6 +138,30 @@ impl Session {
         self.faulty.iter().flatten()
     }
 
+    /// The newest pose.
+    #[must_use]
+    pub fn estimate(&self) -> Option<&Estimate> {
+        self.estimate.as_ref()
+    }
+
+    /// Session time: that of the last input.
+    #[must_use]
+    pub fn now(&self) -> Timestamp {
+        self.now
+    }
+
+    /// The effective configuration.
+    #[must_use]
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// The pipeline, to look at.
+    #[must_use]
+    pub fn pipeline(&self) -> &Pipeline {
+        &self.pipeline
+    }
+
     /// Writes the map, the picture and the summary.
     ///
     /// # Errors
@@ -195,7 +221,7 @@ impl Session {
             }
             Event::Position(PositionEvent { is_known: true, reason, .. }) => tracing::info!("{reason}"),
             Event::Position(PositionEvent { reason, .. }) => tracing::warn!("{reason}"),
-            Event::Estimate(_) => {}
+            Event::Estimate(estimate) => self.estimate = Some(estimate),
         }
     }
 }

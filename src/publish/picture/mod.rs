@@ -3,6 +3,7 @@
 mod canvas;
 mod floor;
 mod legend;
+mod plot;
 mod robot;
 
 use crate::event::SensorState;
@@ -10,6 +11,7 @@ use crate::geometry::{Point, Pose2, Ring};
 use crate::mapping::raster::Raster;
 use canvas::{Canvas, Ink, Pen};
 use floor::Floor;
+pub use plot::{Curve, Plot};
 use robot::RobotMark;
 
 /// What the picture shows. All paths are in the map frame, metres.

@@ -1,0 +1,165 @@
+//! `slamd bench`
+
+use super::{Failure, Kind, MethodArg, terminal};
+use crate::bench::case::{Case, Choice, Table};
+use crate::bench::fleet::drive_all;
+use crate::bench::{paper, report, table};
+use crate::config::Method;
+use clap::{Args, Subcommand, ValueEnum};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::path::{Path, PathBuf};
+
+#[derive(Debug, Args)]
+pub(super) struct BenchArgs {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Debug, Subcommand)]
+enum What {
+    /// Accuracy, faults, map, consistency and speed over many simulated drives.
+    Accuracy(AccuracyArgs),
+    /// The paper's experiment by its method: figures 1-5, processing time, where it holds and where it breaks.
+    Paper(PaperArgs),
+}
+
+#[derive(Debug, Args)]
+struct PaperArgs {
+    /// Pictures go into this folder, the page into the file of the same name with .md.
+    #[arg(long, value_name = "DIR", default_value = "docs/paper")]
+    out: PathBuf,
+    /// The simulations' seeds of the table; the figures are always of seed 101.
+    #[arg(long, value_name = "FIRST-LAST", default_value = "101-110", value_parser = seeds)]
+    seeds: Seeds,
+}
+
+#[derive(Debug, Args)]
+struct AccuracyArgs {
+    /// KEY=VALUE[,VALUE...] of world, beam, faults, sensors, odometry; `all` is every value. Filters the rows of --table; without it,
+    /// every combination is a row. A world may be a TOML file.
+    #[arg(value_name = "KEY=VALUE")]
+    choices: Vec<Choice>,
+    /// A set of rows.
+    #[arg(long)]
+    table: Option<TableArg>,
+    /// The simulations' seeds. Tune on 1-20, report on 101-120.
+    #[arg(long, value_name = "FIRST-LAST", default_value = "101-120", value_parser = seeds)]
+    seeds: Seeds,
+    /// Length of each drive.
+    #[arg(long, value_name = "SECONDS", default_value = "300", value_parser = super::seconds)]
+    seconds: f64,
+    /// How heading, position and map are found.
+    #[arg(long, value_enum, default_value = "walls")]
+    method: MethodArg,
+    /// Write the tables to this Markdown file, too. What follows its line "<!-- by hand -->" stays.
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// A line about each drive, on standard error.
+    #[arg(long, short)]
+    verbose: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum TableArg {
+    /// Three worlds under usual conditions.
+    Usual,
+    /// What the project's targets speak of.
+    Issue,
+    /// Everything with everything: hours.
+    Grid,
+}
+
+#[derive(Clone, Debug)]
+struct Seeds(std::ops::RangeInclusive<u64>);
+
+fn seeds(text: &str) -> Result<Seeds, String> {
+    let (first, last) = text.split_once('-').unwrap_or((text, text));
+    let seed =
+        |text: &str| text.parse().map_err(|_| format!("\"{text}\" is not a seed; give FIRST-LAST such as 101-120"));
+    let seeds = seed(first)?..=seed(last)?;
+    if seeds.is_empty() { Err(format!("\"{text}\" holds no seed")) } else { Ok(Seeds(seeds)) }
+}
+
+impl BenchArgs {
+    pub(super) fn run(self) -> Result<(), Failure> {
+        match self.what {
+            What::Accuracy(args) => args.run(),
+            What::Paper(args) => args.run(),
+        }
+    }
+}
+
+impl AccuracyArgs {
+    fn run(self) -> Result<(), Failure> {
+        let table = self.table.map(|table| match table {
+            TableArg::Usual => Table::Usual,
+            TableArg::Issue => Table::Issue,
+            TableArg::Grid => Table::Grid,
+        });
+        let method = match self.method {
+            MethodArg::Walls => Method::Walls,
+            MethodArg::Paper => Method::Paper,
+        };
+        let mut cases = Case::rows(table, &self.choices);
+        for case in &mut cases {
+            (case.seconds, case.method) = (self.seconds.max(SHORTEST_S), method);
+        }
+        let seeds: Vec<u64> = self.seeds.0.clone().collect();
+        let bar = bar(cases.len() * seeds.len());
+        let runs = drive_all(&cases, &seeds, |case, run| {
+            if self.verbose {
+                bar.suspend(|| eprintln!("{}", table::run_line(case, run)));
+            }
+            bar.inc(1);
+        });
+        bar.finish_and_clear();
+        let runs = runs.map_err(|error| Failure::new(Kind::NoInput, error))?;
+        if let Some(path) = &self.out {
+            let before = std::fs::read_to_string(path).unwrap_or_default();
+            write(path, report::document(&command(), &cases, &runs, &before).as_bytes())?;
+        }
+        terminal::say(report::tables(&cases, &runs));
+        Ok(())
+    }
+}
+
+impl PaperArgs {
+    fn run(self) -> Result<(), Failure> {
+        let seeds: Vec<u64> = self.seeds.0.clone().collect();
+        let bar = bar(paper::cases().len() * seeds.len());
+        let folder = self.out.file_name().unwrap_or_default().to_string_lossy();
+        let page =
+            paper::page(&seeds, &folder, &command(), || bar.inc(1)).map_err(|error| failure(&self.out, &error))?;
+        bar.finish_and_clear();
+        write(&self.out.with_extension("md"), page.markdown.as_bytes())?;
+        for (name, png) in &page.pictures {
+            write(&self.out.join(name), png)?;
+        }
+        terminal::say(self.out.with_extension("md").display());
+        Ok(())
+    }
+}
+
+/// Writes a file, and the folders above it where they are lacking.
+fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
+    let folder = path.parent().unwrap_or_else(|| Path::new("."));
+    std::fs::create_dir_all(folder).and_then(|()| std::fs::write(path, bytes)).map_err(|error| failure(path, &error))
+}
+
+fn failure(path: &Path, error: &std::io::Error) -> Failure {
+    Failure::new(Kind::CantCreate, format!("{}: {error}", path.display()))
+}
+
+/// The command line as it was given, for the head of what it writes.
+fn command() -> String {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    format!("slamd {}", arguments.join(" "))
+}
+
+fn bar(drives: usize) -> ProgressBar {
+    let style = ProgressStyle::with_template("{bar:40} {pos} of {len} drives, {eta} left");
+    ProgressBar::new(drives as u64).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+}
+
+/// The board needs time to say what it is.
+const SHORTEST_S: f64 = 10.0;

@@ -1,0 +1,84 @@
+//! The log's last lines, kept for the screen.
+
+use std::collections::VecDeque;
+use std::io::{self, Write};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
+use tracing_subscriber::fmt::format::Writer;
+use tracing_subscriber::fmt::time::FormatTime;
+
+/// The last lines; all copies share them.
+#[derive(Clone, Default)]
+pub(super) struct Log {
+    lines: Arc<Mutex<VecDeque<String>>>,
+}
+
+/// No screen has more rows.
+const MOST_LINES: usize = 200;
+/// A longer line is cut, bytes.
+const LONGEST: usize = 1_000;
+
+impl Log {
+    /// Takes all that is logged from now on.
+    #[expect(clippy::disallowed_methods, reason = "log lines tell when they were written")]
+    pub(super) fn begin() -> Self {
+        let log = Self::default();
+        let writer = log.clone();
+        tracing_subscriber::fmt()
+            .with_env_filter(crate::cli::log_filter())
+            .with_writer(move || writer.clone())
+            .with_ansi(false)
+            .with_target(false)
+            .with_timer(Uptime(Instant::now()))
+            .init();
+        log
+    }
+
+    /// The lines, oldest first.
+    pub(super) fn lines(&self) -> Vec<String> {
+        self.lines.lock().unwrap_or_else(PoisonError::into_inner).iter().cloned().collect()
+    }
+}
+
+impl Write for Log {
+    /// One call is one event.
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let text = String::from_utf8_lossy(bytes.get(..LONGEST).unwrap_or(bytes));
+        let mut lines = self.lines.lock().unwrap_or_else(PoisonError::into_inner);
+        lines.extend(text.lines().map(str::to_owned));
+        let surplus = lines.len().saturating_sub(MOST_LINES);
+        lines.drain(..surplus);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Seconds since the program began: shorter than a date.
+struct Uptime(Instant);
+
+impl FormatTime for Uptime {
+    fn format_time(&self, writer: &mut Writer<'_>) -> std::fmt::Result {
+        write!(writer, "{:.1}", self.0.elapsed().as_secs_f64())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_last_lines_are_kept() {
+        let mut log = Log::default();
+        for line in 0..1_000 {
+            writeln!(log, "{line}").unwrap();
+        }
+        log.write_all(&[b'x'; 5_000]).unwrap();
+        let lines = log.lines();
+        assert!(lines.len() <= MOST_LINES, "{}", lines.len());
+        assert!(lines.contains(&"999".to_owned()) && !lines.contains(&"700".to_owned()));
+        assert!(lines.iter().all(|line| line.len() <= LONGEST));
+    }
+}

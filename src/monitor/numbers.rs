@@ -1,0 +1,70 @@
+//! Rates, pose and wheels in numbers.
+
+use crate::monitor::snapshot::Snapshot;
+use crate::monitor::view::Look;
+use ratatui::style::Style;
+use ratatui::text::{Line, Span};
+
+/// Eleven lines of at most 26 characters.
+pub(super) fn lines(snapshot: &Snapshot, look: Look) -> Vec<Line<'static>> {
+    let (rates, counters) = (&snapshot.rates, &snapshot.counters);
+    let mut lines = vec![
+        rate("sweeps", rates.sweeps, counters.sweeps, look),
+        rate("frames", rates.frames, counters.frames, look),
+        trouble("CRC err", rates.crc_errors, counters.crc_errors, look),
+        trouble("lost fr", rates.lost_frames, counters.lost_frames, look),
+        trouble("drops", rates.dropped_sweeps, counters.dropped_sweeps, look),
+    ];
+    lines.extend(pose(snapshot, look));
+    lines.extend(wheels(snapshot, look));
+    lines
+}
+
+fn rate(name: &str, per_second: f64, count: u64, look: Look) -> Line<'static> {
+    Line::from(vec![
+        Span::styled(format!("{name:<8}"), look.faint()),
+        Span::raw(format!("{per_second:6.1}/s {:>8}", short(count))),
+    ])
+}
+
+/// A rate that should be 0: told loudly while it is not.
+fn trouble(name: &str, per_second: f64, count: u64, look: Look) -> Line<'static> {
+    let line = rate(name, per_second, count, look);
+    if per_second > 0.0 { line.patch_style(look.tone(crate::monitor::snapshot::Tone::Bad)) } else { line }
+}
+
+/// A count in at most 8 characters.
+fn short(count: u64) -> String {
+    match count {
+        0..=99_999_999 => count.to_string(),
+        _ => format!("{:.1e}", count as f64),
+    }
+}
+
+fn pose(snapshot: &Snapshot, look: Look) -> Vec<Line<'static>> {
+    let Some(estimate) = &snapshot.estimate else {
+        return ["x", "y", "heading"].map(|name| value(name, "not known yet".into(), look)).into();
+    };
+    let sigma = |axis: usize| libm::sqrt(estimate.covariance[(axis, axis)].max(0.0));
+    let metres = |m: f64, axis| format!("{m:7.3} {} {:.3} m", look.plus_minus(), sigma(axis));
+    let (pose, unit) = (estimate.pose, look.degree());
+    let heading =
+        format!("{:5.1} {} {:.1}{unit}", pose.theta_rad.to_degrees(), look.plus_minus(), sigma(2).to_degrees());
+    vec![value("x", metres(pose.x_m, 0), look), value("y", metres(pose.y_m, 1), look), value("heading", heading, look)]
+}
+
+fn wheels(snapshot: &Snapshot, look: Look) -> Vec<Line<'static>> {
+    let Some(wheels) = &snapshot.calibration else {
+        return vec![value("wheels", "not learnt".into(), look)];
+    };
+    let sign = look.plus_minus();
+    vec![
+        Line::styled("wheels, right to left", look.faint()),
+        value("ratio", format!("{:.4} {sign} {:.4}", wheels.wheel_ratio, wheels.wheel_ratio_sigma), look),
+        value("base", format!("{:.4} {sign} {:.4} m", wheels.wheel_base_m, wheels.wheel_base_sigma_m), look),
+    ]
+}
+
+fn value(name: &str, words: String, look: Look) -> Line<'static> {
+    Line::from(vec![Span::styled(format!("{name:<8}"), look.faint()), Span::styled(words, Style::new())])
+}
