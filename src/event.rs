@@ -69,6 +69,8 @@ pub enum Event {
     Fault(FaultEvent),
     /// What is known of the robot's place has changed; only where it is sought in a known map.
     Position(PositionEvent),
+    /// The robot no longer knows where it is, or knows it again.
+    Lock(LockEvent),
     /// A line of text from the board, control characters removed.
     BoardLog {
         /// When it was heard.
@@ -103,6 +105,36 @@ pub struct Estimate {
     pub covariance: Matrix3<f64>,
     /// `odom_from_robot`: the encoders alone.
     pub odometry: Pose2,
+    /// Normalised innovation squared of this sweep, mean over its measurements: 1 where the filter knows its errors. NaN where nothing
+    /// was measured, or the method has none.
+    pub nis: f64,
+}
+
+/// A change of the robot's hold on its map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LockEvent {
+    /// The sweep's reference instant.
+    pub at: Timestamp,
+    /// From when on the poses were, or still are, uncertain.
+    pub since: Timestamp,
+    /// What happened.
+    pub change: LockChange,
+}
+
+/// What happened to the robot's hold on its map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LockChange {
+    /// What is heard contradicts the map.
+    Lost,
+    /// The place is known again.
+    Regained {
+        /// How far the believed position was off, metres.
+        moved_m: f64,
+        /// How far the believed heading was off, radians.
+        turned_rad: f64,
+    },
+    /// No place fits: the walls are forgotten and learnt anew from where the wheels say the robot is.
+    Abandoned,
 }
 
 /// What a sensor's readings are worth.

@@ -133,6 +133,13 @@ impl Paper {
         let mut covariance = Matrix3::zeros();
         covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&self.ekf.covariance());
         covariance[(2, 2)] = self.heading.variance_rad2();
-        Estimate { at: sweep.at, sweep: sweep.index, pose: self.pose(), covariance, odometry: sweep.odometry }
+        Estimate {
+            at: sweep.at,
+            sweep: sweep.index,
+            pose: self.pose(),
+            covariance,
+            odometry: sweep.odometry,
+            nis: f64::NAN,
+        }
     }
 }

@@ -4,15 +4,18 @@
 //! 2. A Hough transform over sonar arcs finds the building's axis, at the start from the first sweeps and later, from the last
 //!    ones, as a check on the heading ([`crate::orientation`]).
 //! 3. An extended Kalman filter over pose, wheels and wall offsets follows the robot ([`crate::position`]).
-//! 4. Beams clear their cones and mark the walls they heard ([`crate::mapping`]).
+//! 4. Where what is heard contradicts the walls, the place is sought anew among them; meanwhile nothing is learnt.
+//! 5. Beams clear their cones and mark the walls they heard ([`crate::mapping`]).
 //!
 //! The map frame has its origin where the robot started and its axes along the building's walls. Poses of the sweeps before the axis
 //! was found follow at once when it is.
 
+mod lost;
+
 use crate::config::Config;
-use crate::event::{Calibration, Estimate, Event, SensorState};
+use crate::event::{Calibration, Estimate, Event, LockChange, LockEvent, SensorState};
 use crate::fault::detector::Detector;
-use crate::geometry::{Point, Pose2, Ring};
+use crate::geometry::{Point, Pose2, Ring, wrap_angle};
 use crate::mapping::cone::{self, Target};
 use crate::mapping::grid::{Facing, OccupancyGrid};
 use crate::mapping::raster::Raster;
@@ -22,6 +25,8 @@ use crate::orientation::start;
 use crate::position::beam_model::sight;
 use crate::position::tracker::{Tracker, Use, Wall};
 use crate::sweep::{Beam, Sweep};
+use crate::time::Timestamp;
+use lost::Lost;
 use std::f64::consts::FRAC_PI_2;
 
 /// The walls method at work.
@@ -36,18 +41,27 @@ pub struct Walls {
     travel_m: f64,
     tracker: Option<Tracker>,
     grid: OccupancyGrid,
+    /// Whether the ring has beams enough to tell clutter from another place.
+    can_tell: bool,
+    lost: Option<Lost>,
+    /// When what was heard last agreed with the walls.
+    sure: (u64, Timestamp),
 }
 
 /// The first axis is sought every so many sweeps, once the robot has driven far enough for its returns to agree pair by pair: a ring
 /// of 8 needs 3 m, one of 32 a sixteenth of that. After the most it is not waited for any longer.
 const FIRST_SWEEPS: usize = 25;
 const FIRST_TRAVEL_M: f64 = 3.0 * 8.0 * 8.0;
+/// A lone slanted thing near the start must not pass for the building.
+const LEAST_TRAVEL_M: f64 = 0.6;
 const MOST_SWEEPS: usize = 300;
 /// A direction is believed when its votes gather this much better than the median direction's.
 const CONTRAST: f64 = 1.25;
 /// A robot that was put back by hand stands this far from where it stood, metres.
 const RESUME_SIGMA_M: f64 = 0.1;
 const AXIS_SIGMA_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
+/// Fewer sensors raise false alarms: of 8, one drive in three.
+const LEAST_SENSORS: usize = 12;
 /// Sweeps between two checks of the heading.
 const CHECK_SWEEPS: usize = 25;
 /// A check farther off than this speaks of another axis, not of drift.
@@ -72,6 +86,9 @@ impl Walls {
             travel_m: 0.0,
             tracker: None,
             grid: OccupancyGrid::new(config.map.cell_m),
+            can_tell: ring.len() >= LEAST_SENSORS,
+            lost: None,
+            sure: (0, Timestamp::default()),
         }
     }
 
@@ -97,11 +114,12 @@ impl Walls {
     pub fn localized(self, memory: &Memory, pose: Pose2, sigma_m: f64) -> Result<Self, Impossible> {
         let mut tracker = Tracker::restore(memory)?;
         tracker.fix_walls();
-        tracker.filter.place(pose, sigma_m, AXIS_SIGMA_RAD);
+        tracker.filter.relocate(pose, sigma_m, AXIS_SIGMA_RAD);
         Ok(Self {
             tracker: Some(tracker),
             grid: OccupancyGrid::restore(&memory.map)?,
             axis: AxisFinder::default(),
+            lost: None,
             ..self
         })
     }
@@ -136,7 +154,9 @@ impl Walls {
     pub fn update(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
         if let Some(tracker) = &mut self.tracker {
             tracker.predict(sweep);
-            let expected_m = |sensor: usize| tracker.expected_range(&sweep.beams[sensor]);
+            tracker.expect(sweep);
+            let is_lost = self.lost.is_some();
+            let expected_m = |sensor: usize| if is_lost { None } else { tracker.expected_m(sensor) };
             self.detector.inspect(sweep, expected_m, events);
             self.follow(sweep, events);
         } else {
@@ -174,8 +194,8 @@ impl Walls {
         self.waiting.push(sweep.clone());
         let waited = self.waiting.len();
         self.travel_m += 0.5 * (sweep.left_m + sweep.right_m).abs();
-        let is_time =
-            self.travel_m * (sweep.beams.len() as f64).powi(2) >= FIRST_TRAVEL_M && waited.is_multiple_of(FIRST_SWEEPS);
+        let enough_m = (FIRST_TRAVEL_M / (sweep.beams.len() as f64).powi(2)).max(LEAST_TRAVEL_M);
+        let is_time = self.travel_m >= enough_m && waited.is_multiple_of(FIRST_SWEEPS);
         if waited < MOST_SWEEPS && !is_time {
             return;
         }
@@ -195,6 +215,7 @@ impl Walls {
             }
             if let Some(tracker) = &mut self.tracker {
                 tracker.predict(&sweep);
+                tracker.expect(&sweep);
             }
             self.follow(&sweep, events);
         }
@@ -203,9 +224,14 @@ impl Walls {
     /// What follows once the pose is predicted and the sensors are judged.
     fn follow(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
         let Some(tracker) = &mut self.tracker else { return };
-        tracker.correct(sweep, |sensor| self.detector.is_trusted(sensor));
-        self.check_heading(sweep);
-        self.draw(sweep);
+        if self.lost.is_some() {
+            self.seek_place(sweep, events);
+        } else {
+            tracker.correct(sweep, |sensor| self.detector.is_trusted(sensor));
+            self.watch_lock(sweep, events);
+            self.check_heading(sweep);
+            self.draw(sweep);
+        }
         if let Some(tracker) = &self.tracker {
             events.push(Event::Estimate(Estimate {
                 at: sweep.at,
@@ -213,8 +239,44 @@ impl Walls {
                 pose: tracker.filter.pose(),
                 covariance: tracker.filter.pose_covariance(),
                 odometry: sweep.odometry,
+                nis: tracker.nis(),
             }));
         }
+    }
+
+    /// Notices when what is heard contradicts the map.
+    fn watch_lock(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
+        let Some(tracker) = &mut self.tracker else { return };
+        if tracker.watch().is_sure() {
+            self.sure = (sweep.index, sweep.at);
+        }
+        if self.can_tell && tracker.watch().is_lost() {
+            let (sweep_index, since) = self.sure;
+            tracker.lose(sweep_index);
+            self.lost = Some(Lost::new(since));
+            events.push(Event::Lock(LockEvent { at: sweep.at, since, change: LockChange::Lost }));
+        }
+    }
+
+    /// Seeks the place of a lost robot.
+    fn seek_place(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
+        let (Some(tracker), Some(lost)) = (&mut self.tracker, &mut self.lost) else { return };
+        let believed = tracker.filter.pose();
+        lost.add(believed, sweep, |sensor| self.detector.is_trusted(sensor));
+        let change = if let Some(place) = lost.find(&mut self.axis, &tracker.known_walls()) {
+            let pose = place.correction * believed;
+            tracker.relocate(pose);
+            let moved_m = (pose.position() - believed.position()).norm();
+            LockChange::Regained { moved_m, turned_rad: wrap_angle(pose.theta_rad - believed.theta_rad) }
+        } else if lost.is_hopeless() {
+            tracker.forget_walls();
+            LockChange::Abandoned
+        } else {
+            return;
+        };
+        events.push(Event::Lock(LockEvent { at: sweep.at, since: lost.since, change }));
+        self.lost = None;
+        self.axis_sweeps = 0;
     }
 
     /// Every few seconds the axis of what was just heard must be the building's.

@@ -61,6 +61,7 @@ fn snapshot() -> Snapshot {
             pose: Pose2::new(1.25, -0.5, 90f64.to_radians()),
             covariance: Matrix3::from_diagonal(&nalgebra::Vector3::new(0.0004, 0.0009, 0.0003)),
             odometry: Pose2::default(),
+            nis: 1.0,
         }),
         calibration: Some(Calibration {
             wheel_ratio: 1.0102,

@@ -10,9 +10,11 @@
 //! wrong sensors is a little wrong itself.
 //!
 //! **What a drive cannot tell.** A bias of all sensors alike looks like a larger room, one that goes round the ring as a cosine like a
-//! ring that sits elsewhere on the robot, and a turn of all alike like another heading: these are taken out. A cone that holds the normal hears the same distance
-//! wherever it looks, so a bearing shows only at the cone's edge. Each estimate carries a standard deviation, the greater of
-//! the least squares' own and that of eight parts of the drive left out in turn; one that is too large is no estimate.
+//! ring that sits elsewhere on the robot, and a turn of all alike like another heading: these are taken out. What was found of less
+//! than half the ring is dropped, for what a few sensors have in common cannot be told from what is each one's own.
+//! A cone that holds the normal hears the same distance wherever it looks, so a bearing shows only at the cone's edge. Each estimate
+//! carries a standard deviation, the greater of the least squares' own and that of eight parts of the drive left out in turn; one
+//! that is too large is no estimate.
 
 pub mod drive;
 mod fit;
@@ -125,12 +127,17 @@ fn shift(bearing_rad: f64) -> Vector3<f64> {
     Vector3::new(1.0, cos, sin)
 }
 
-/// Takes out what all sensors have in common: the least-squares mixture of the patterns.
+/// Takes out what all sensors have in common: the least-squares mixture of the patterns. Nothing is left where too few were found.
 fn remove_common(
     results: &mut [SensorResult],
     part: impl Fn(&mut SensorResult) -> &mut Option<Estimated>,
     patterns: impl Fn(usize) -> Vector3<f64>,
 ) {
+    let found: usize = results.iter_mut().map(|result| usize::from(part(result).is_some())).sum();
+    if 2 * found < results.len() {
+        results.iter_mut().for_each(|result| *part(result) = None);
+        return;
+    }
     // So little keeps the patterns apart where sensors on one side alone were found, and shrinks nothing that counts.
     let (mut matrix, mut vector) = (Matrix3::identity() * 1e-6, Vector3::zeros());
     for (sensor, result) in results.iter_mut().enumerate() {

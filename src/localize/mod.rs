@@ -11,7 +11,7 @@ mod known_map;
 pub mod search;
 
 use crate::config::Config;
-use crate::event::{Calibration, Event, PositionEvent, SensorState};
+use crate::event::{Calibration, Event, LockChange, LockEvent, PositionEvent, SensorState};
 use crate::geometry::{Pose2, Ring, wrap_angle};
 use crate::mapping::grid::OccupancyGrid;
 use crate::mapping::raster::Raster;
@@ -105,13 +105,14 @@ impl Localizer {
             self.driven_s += sweep.elapsed_s;
         }
         if self.is_found {
+            let before = events.len();
             self.walls.update(sweep, events);
-            self.watch(sweep.at, events);
+            self.watch(sweep.at, events[before..].iter().any(is_abandoned), events);
             return;
         }
         self.walls.update(sweep, &mut self.scratch);
-        // Poses in a frame of its own are nobody's business.
-        events.extend(self.scratch.drain(..).filter(|event| !matches!(event, Event::Estimate(_))));
+        // Poses in a frame of its own, and what becomes of them, are nobody's business.
+        events.extend(self.scratch.drain(..).filter(|event| !matches!(event, Event::Estimate(_) | Event::Lock(_))));
         if self.moved_m >= SEARCH_M {
             self.moved_m = 0.0;
             let found = self.search(sweep.at, events);
@@ -178,15 +179,15 @@ impl Localizer {
         self.tell(at, reason, events);
     }
 
-    /// A robot that recognises nothing any more is not where it is believed to be.
-    fn watch(&mut self, at: Timestamp, events: &mut Vec<Event>) {
+    /// A robot that recognises nothing any more is not where it is believed to be, nor is one that fits nowhere among the walls.
+    fn watch(&mut self, at: Timestamp, is_abandoned: bool, events: &mut Vec<Event>) {
         let uses = self.walls.uses();
         let hears = uses.iter().any(|used| !matches!(used, Use::Unused));
         if hears {
             let recognises = uses.iter().any(|used| matches!(used, Use::Wall(_)));
             self.recognised += FORGET * (f64::from(u8::from(recognises)) - self.recognised);
         }
-        if self.recognised < LOST_SHARE {
+        if is_abandoned || self.recognised < LOST_SHARE {
             *self.walls = Walls::new(&self.config, &self.ring);
             (self.is_found, self.driven_s, self.moved_m, self.has_complained) = (false, 0.0, 0.0, false);
             self.tell(at, "position lost: nothing that is heard is in the map; it is sought again".into(), events);
@@ -203,6 +204,10 @@ impl Place {
         let apart = self.transform.position() - other.transform.position();
         apart.norm() < AGREE_M && wrap_angle(self.transform.theta_rad - other.transform.theta_rad).abs() < 0.1
     }
+}
+
+fn is_abandoned(event: &Event) -> bool {
+    matches!(event, Event::Lock(LockEvent { change: LockChange::Abandoned, .. }))
 }
 
 fn why_not(found: Option<Found>) -> String {

@@ -47,7 +47,7 @@ mod tests {
         let pose = Pose2::new(1.0 + error[0], 2.0 + error[1], 0.3 + error[2]);
         let covariance = Matrix3::identity() * (sigma * sigma);
         let (at, odometry) = (Timestamp::default(), Pose2::default());
-        let estimate = Estimate { at, sweep: 0, pose, covariance, odometry };
+        let estimate = Estimate { at, sweep: 0, pose, covariance, odometry, nis: f64::NAN };
         Pair { at, estimate, truth: world_from_map * truth_in_map }
     }
 

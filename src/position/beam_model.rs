@@ -82,7 +82,7 @@ pub struct Sighting {
 /// Noise of a range, metres.
 pub const RANGE_SIGMA_M: f64 = 0.02;
 /// The edge of a cone is known to this, and the direction of a point beam to this.
-const EDGE_SIGMA_RAD: f64 = 2.5 * std::f64::consts::PI / 180.0;
+const EDGE_SIGMA_RAD: f64 = 1.5 * std::f64::consts::PI / 180.0;
 const POINT_SIGMA_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
 /// Narrower cones are point beams.
 const POINT_RAD: f64 = 1.0 * std::f64::consts::PI / 180.0;

@@ -236,6 +236,24 @@ impl Filter {
         self.robot_cov[(2, 2)] += heading_sigma_rad * heading_sigma_rad;
     }
 
+    /// Puts the robot elsewhere: what tied its pose to wheels and walls is void.
+    pub fn relocate(&mut self, pose: Pose2, position_sigma_m: f64, heading_sigma_rad: f64) {
+        let sigmas = [position_sigma_m, position_sigma_m, heading_sigma_rad];
+        for (row, value) in [pose.x_m, pose.y_m, pose.theta_rad].into_iter().enumerate() {
+            self.robot[row] = value;
+            self.robot_cov.row_mut(row).fill(0.0);
+            self.robot_cov.column_mut(row).fill(0.0);
+            self.robot_cov[(row, row)] = sigmas[row] * sigmas[row];
+            self.cross.iter_mut().for_each(|cross| cross[row] = 0.0);
+        }
+    }
+
+    /// Forgets all walls.
+    pub fn forget_walls(&mut self) {
+        self.offsets.clear();
+        self.cross.clear();
+    }
+
     /// x += K ν and P −= K S Kᵀ, where the column is P Hᵀ: symmetric by construction.
     fn correct(&mut self, robot_column: &Robot, s: f64, innovation: f64) {
         let walls = self.walls();

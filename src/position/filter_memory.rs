@@ -3,7 +3,6 @@
 use super::filter::{Filter, MAX_WALLS, ROBOT, Robot};
 use crate::geometry::Pose2;
 use crate::memory::{FilterMemory, Impossible};
-use nalgebra::SMatrix;
 
 impl Filter {
     /// State and covariance as plain numbers.
@@ -69,16 +68,5 @@ impl Filter {
     pub fn fix_walls(&mut self) {
         self.cross.fill(Robot::zeros());
         self.wall_cov.fill(0.0);
-    }
-
-    /// Puts the robot elsewhere, with a standard deviation of its position and heading, wheels as they are; what was known together
-    /// with the walls is forgotten.
-    pub fn place(&mut self, pose: Pose2, position_sigma_m: f64, heading_sigma_rad: f64) {
-        self.robot.fixed_rows_mut::<3>(0).copy_from_slice(&[pose.x_m, pose.y_m, pose.theta_rad]);
-        let (ratio, base) = (self.robot_cov[(3, 3)], self.robot_cov[(4, 4)]);
-        let position = position_sigma_m * position_sigma_m;
-        let diagonal = Robot::new(position, position, heading_sigma_rad * heading_sigma_rad, ratio, base);
-        self.robot_cov = SMatrix::from_diagonal(&diagonal);
-        self.cross.fill(Robot::zeros());
     }
 }

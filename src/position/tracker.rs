@@ -2,9 +2,10 @@
 
 use super::beam_model::{Side, Sighting, sight};
 use super::filter::{Filter, MAX_WALLS, Measurement, ROBOT};
+use super::lock::LockWatch;
 use super::nursery::Nursery;
 use crate::event::Calibration;
-use crate::geometry::Pose2;
+use crate::geometry::{Pose2, wrap_angle};
 use crate::sweep::{Beam, Sweep};
 use nalgebra::SVector;
 
@@ -20,6 +21,8 @@ pub struct Wall {
     /// Sweeps that have seen it.
     pub hits: u32,
     pub(super) last_sweep: u64,
+    /// The sweep that it was learnt from; none where an earlier run knew it.
+    pub(super) first_sweep: Option<u64>,
 }
 
 /// A wall out of the filter's sight, with its offset and variance as they were.
@@ -50,22 +53,29 @@ pub struct Tracker {
     pub(super) parked: Vec<Parked>,
     /// True where the walls are known and none is learnt or changed.
     pub(super) is_fixed: bool,
-    nursery: Nursery,
-    uses: Vec<Use>,
+    pub(super) nursery: Nursery,
+    pub(super) uses: Vec<Use>,
     matches: Vec<Option<usize>>,
-    nis: f64,
+    expected: Vec<Option<f64>>,
+    pub(super) watch: LockWatch,
+    pub(super) nis: f64,
 }
 
 /// Innovations farther out than this many standard deviations belong to something else.
-const GATE_SIGMA: f64 = 2.8;
-/// A cone hears a wall farther outside its edge than this only where something else answers as well.
-const MOST_OBLIQUE_RAD: f64 = 4.0 * std::f64::consts::PI / 180.0;
+const GATE_SIGMA: f64 = 2.2;
+/// A cone hears no wall farther outside its edge than this.
+const MOST_OBLIQUE_RAD: f64 = 30.0 * std::f64::consts::PI / 180.0;
 /// Walls are not that flat, and sounds not that straight: floor of one wall's fused noise, metres.
 const MODEL_SIGMA_M: f64 = 0.008;
 /// The same where the walls are those of another drive, which knew them no better.
 const FIXED_SIGMA_M: f64 = 0.025;
+/// The same for a turn read off the walls, radians, and how far off a reading may be.
+const TURN_SIGMA_RAD: f64 = 0.3 * std::f64::consts::PI / 180.0;
+const TURN_GATE_SIGMA: f64 = 4.0;
 /// A wall may be heard this far beyond where it has been seen.
 const MARGIN_M: f64 = 0.15;
+/// Sweeps that must have seen a wall before anything is expected of it.
+pub(super) const WELL_KNOWN: u32 = 15;
 /// Two sightings of one side nearer than this, and within the gate, are one wall.
 const SAME_WALL_M: f64 = 0.07;
 const SAME_GAP_M: f64 = 0.6;
@@ -74,7 +84,6 @@ const PARK_M: f64 = 6.0;
 const UNPARK_M: f64 = 4.5;
 /// Walls that many places must stay free for.
 const SPARE: usize = 12;
-
 impl Tracker {
     /// A tracker for a robot at `pose` in the building frame.
     #[must_use]
@@ -87,6 +96,8 @@ impl Tracker {
             nursery: Nursery::default(),
             uses: Vec::new(),
             matches: Vec::new(),
+            expected: Vec::new(),
+            watch: LockWatch::default(),
             nis: f64::NAN,
         }
     }
@@ -114,19 +125,33 @@ impl Tracker {
         self.filter.predict(sweep.left_m, sweep.right_m);
     }
 
-    /// Range at which a healthy beam must hear a wall that is well known and squarely in its cone, if there is one.
+    /// Works out at which range each beam must hear a wall that is well known and squarely in its cone.
+    pub fn expect(&mut self, sweep: &Sweep) {
+        self.expected.clear();
+        let pose = self.filter.pose();
+        for beam in &sweep.beams {
+            self.expected.push(self.expected_range(pose, beam));
+        }
+    }
+
+    /// That range, for one sensor of the sweep at hand.
     #[must_use]
-    pub fn expected_range(&self, beam: &Beam) -> Option<f64> {
-        let sensor = self.filter.pose() * beam.robot_from_sensor;
+    pub fn expected_m(&self, sensor: usize) -> Option<f64> {
+        self.expected.get(sensor).copied().flatten()
+    }
+
+    fn expected_range(&self, pose: Pose2, beam: &Beam) -> Option<f64> {
+        let sensor = pose * beam.robot_from_sensor;
+        let most_off_rad = 0.7 * beam.half_angle_rad.max(0.1);
+        let faced = |side: &Side| wrap_angle(sensor.theta_rad - side.normal_rad()).abs() <= most_off_rad;
+        let side = Side::ALL.into_iter().find(faced)?;
+        let (across_m, along_m) = side.split(sensor.position());
         let mut nearest: Option<f64> = None;
         for (index, wall) in self.walls.iter().enumerate() {
-            let off_rad = crate::geometry::wrap_angle(sensor.theta_rad - wall.side.normal_rad());
-            if wall.hits < 15 || off_rad.abs() > 0.7 * beam.half_angle_rad.max(0.1) {
-                continue;
-            }
-            let (across_m, along_m) = wall.side.split(sensor.position());
-            let depth_m = wall.side.sign() * (self.filter.offset_m(index) - across_m);
-            if depth_m > 0.05 && along_m > wall.lo_m + 0.1 && along_m < wall.hi_m - 0.1 {
+            let faces =
+                wall.side == side && wall.hits >= WELL_KNOWN && along_m > wall.lo_m + 0.1 && along_m < wall.hi_m - 0.1;
+            let depth_m = side.sign() * (self.filter.offset_m(index) - across_m);
+            if faces && depth_m > 0.05 {
                 nearest = Some(nearest.map_or(depth_m, |n: f64| n.min(depth_m)));
             }
         }
@@ -141,6 +166,10 @@ impl Tracker {
             let sighting = if is_trusted(sensor) { sight(self.filter.pose(), beam) } else { None };
             let found = sighting.and_then(|sighting| self.wall_of(&sighting));
             self.matches.push(found);
+            if sighting.is_some() {
+                let is_known = found.is_some_and(|wall| self.walls[wall].hits >= WELL_KNOWN);
+                self.watch.weigh(is_known, self.expected[sensor], beam.range_m);
+            }
             self.uses.push(match (sighting, found) {
                 (Some(sighting), Some(_)) => Use::Wall(sighting),
                 _ if is_trusted(sensor) && beam.has_range() => Use::Unexplained,
@@ -148,6 +177,14 @@ impl Tracker {
             });
         }
         let (mut nis_sum, mut seen) = (0.0, 0.0);
+        if let Some((innovation_rad, variance)) = self.turn() {
+            let distance = innovation_rad.powi(2) / (self.filter.pose_covariance()[(2, 2)] + variance);
+            if distance < TURN_GATE_SIGMA * TURN_GATE_SIGMA {
+                nis_sum += distance;
+                seen += 1.0;
+                self.filter.update_heading(innovation_rad, variance);
+            }
+        }
         for index in 0..self.walls.len() {
             if let Some(measurement) = self.fuse(sweep, index) {
                 nis_sum += measurement.innovation.powi(2) / self.filter.innovation_variance(&measurement);
@@ -159,7 +196,9 @@ impl Tracker {
         }
         self.nis = nis_sum / seen;
         if !self.is_fixed {
-            self.learn(sweep);
+            if !self.watch.is_doubtful() {
+                self.learn(sweep);
+            }
             self.merge();
         }
         self.park();
@@ -203,6 +242,29 @@ impl Tracker {
         }
     }
 
+    /// What the beams say of the heading: on each wall, how their misfits grow with how they feel a turn.
+    fn turn(&self) -> Option<(f64, f64)> {
+        let (mut information, mut sum) = (0.0, 0.0);
+        for wall in 0..self.walls.len() {
+            let (mut w, mut wh, mut whh, mut wz, mut whz) = (0.0, 0.0, 0.0, 0.0, 0.0);
+            for (used, found) in self.uses.iter().zip(&self.matches) {
+                let (Use::Wall(sighting), true) = (used, *found == Some(wall)) else { continue };
+                let m = self.measure(sighting, wall);
+                let (weight, h) = (1.0 / m.variance, m.robot[2]);
+                w += weight;
+                wh += weight * h;
+                whh += weight * h * h;
+                wz += weight * m.innovation;
+                whz += weight * h * m.innovation;
+            }
+            if w > 0.0 {
+                information += whh - wh * wh / w;
+                sum += whz - wh * wz / w;
+            }
+        }
+        (information > 1.0).then(|| (sum / information, 1.0 / information + TURN_SIGMA_RAD * TURN_SIGMA_RAD))
+    }
+
     /// All beams on one wall as one measurement at the pose as it is now.
     fn fuse(&mut self, sweep: &Sweep, wall: usize) -> Option<Measurement> {
         let (mut weight, mut innovation, mut robot) = (0.0, 0.0, SVector::<f64, ROBOT>::zeros());
@@ -239,7 +301,8 @@ impl Tracker {
             let Some(new) = self.nursery.add(&sighting, sweep.index) else { continue };
             let by_robot = sighting.by_robot * -sighting.side.sign();
             if self.filter.add(new.offset_m, &by_robot, MODEL_SIGMA_M * MODEL_SIGMA_M * 2.0).is_some() {
-                let wall = Wall { side: new.side, lo_m: new.lo_m, hi_m: new.hi_m, hits: 1, last_sweep: sweep.index };
+                let (lo_m, hi_m, now) = (new.lo_m, new.hi_m, sweep.index);
+                let wall = Wall { side: new.side, lo_m, hi_m, hits: 1, last_sweep: now, first_sweep: Some(now) };
                 self.walls.push(wall);
             }
         }
@@ -248,7 +311,6 @@ impl Tracker {
     /// Makes one wall of two that are the same.
     fn merge(&mut self) {
         let Some(newest) = self.walls.len().checked_sub(1) else { return };
-        // Walls drift together by updates, but only a few pairs: one merge a sweep is enough.
         for a in 0..newest {
             for b in a + 1..=newest {
                 let (one, other) = (self.walls[a], self.walls[b]);
@@ -265,6 +327,7 @@ impl Tracker {
                 self.walls[a].lo_m = one.lo_m.min(other.lo_m);
                 self.walls[a].hi_m = one.hi_m.max(other.hi_m);
                 self.walls[a].hits += other.hits;
+                self.walls[a].first_sweep = one.first_sweep.min(other.first_sweep);
                 self.walls.swap_remove(b);
                 return;
             }

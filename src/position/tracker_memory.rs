@@ -65,6 +65,6 @@ impl Wall {
         if !(memory.lo_m.abs() < 1e6 && memory.hi_m.abs() < 1e6) {
             return Err(Impossible("a wall reaches nowhere"));
         }
-        Ok(Self { side, lo_m: memory.lo_m, hi_m: memory.hi_m, hits: memory.hits, last_sweep: 0 })
+        Ok(Self { side, lo_m: memory.lo_m, hi_m: memory.hi_m, hits: memory.hits, last_sweep: 0, first_sweep: None })
     }
 }

@@ -1,6 +1,7 @@
 //! The output folder: maps, trajectories, faults and a summary, each file whole or absent.
 
 mod fault_log;
+mod lock_log;
 mod map_file;
 mod part_file;
 mod picture;
@@ -18,6 +19,7 @@ use crate::mapping::raster::Raster;
 use crate::metrics::{AccuracyMeter, FaultMeter, TrueFault};
 use crate::time::Timestamp;
 use fault_log::FaultLog;
+use lock_log::LockLog;
 use part_file::write_file;
 use std::fs;
 use std::io;
@@ -60,6 +62,7 @@ pub struct Outputs {
     odometry: Trajectory,
     truth: Option<Trajectory>,
     fault_log: FaultLog,
+    lock_log: LockLog,
     path: Track,
     odometry_path: Track,
     truth_path: Track,
@@ -84,6 +87,7 @@ impl Outputs {
             odometry: Trajectory::create(folder, "odometry.tum")?,
             truth: None,
             fault_log: FaultLog::create(folder)?,
+            lock_log: LockLog::create(folder)?,
             path: Track::default(),
             odometry_path: Track::default(),
             truth_path: Track::default(),
@@ -120,6 +124,7 @@ impl Outputs {
                     faults.estimate(estimate.at);
                 }
             }
+            Event::Lock(lock) => self.lock_log.append(lock)?,
             Event::Fault(fault) => {
                 self.fault_log.append(fault)?;
                 if let Some(faults) = &mut self.faults {
@@ -166,6 +171,7 @@ impl Outputs {
         summary.calibration = state.calibration;
         summary.position.clone_from(&self.position);
         summary.accuracy = self.accuracy.accuracy();
+        (summary.lock_losses, summary.uncertain_s) = (self.lock_log.losses(), self.lock_log.uncertain_s());
         summary.faults = self.faults.as_ref().map(FaultMeter::score);
         (summary.mean_us_per_sweep, summary.p99_us_per_sweep) = self.timings.mean_and_p99_us().unzip();
         summary.map_sha256 = map_file::write_map(&self.folder, state.raster)?;
@@ -178,6 +184,7 @@ impl Outputs {
         self.odometry.finish()?;
         self.truth.map(Trajectory::finish).transpose()?;
         self.fault_log.finish()?;
+        self.lock_log.finish()?;
         write_file(&self.folder, "summary.json", summary.to_json().as_bytes())?;
         Ok(summary)
     }

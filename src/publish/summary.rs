@@ -17,6 +17,10 @@ pub struct Summary {
     pub crc_errors: u64,
     /// Frames that the sequence numbers say are missing.
     pub lost_frames: u64,
+    /// How often the robot lost its place on the map.
+    pub lock_losses: u64,
+    /// Seconds of poses that `lock.csv` calls uncertain.
+    pub uncertain_s: f64,
     /// Mean microseconds of computing per sweep; none where nothing was timed.
     pub mean_us_per_sweep: Option<f64>,
     /// 99th percentile of the same.
@@ -44,6 +48,8 @@ impl Summary {
             dropped: counters.dropped_sweeps,
             crc_errors: counters.crc_errors,
             lost_frames: counters.lost_frames,
+            lock_losses: 0,
+            uncertain_s: 0.0,
             mean_us_per_sweep: None,
             p99_us_per_sweep: None,
             trajectory_sha256: String::new(),

@@ -21,7 +21,9 @@ fn run(folder: &Path) -> Summary {
             outputs.event(&Event::Fault(FaultEvent { at, sensor, state, reason: String::new() })).unwrap();
         }
         let covariance = Matrix3::zeros();
-        outputs.event(&Event::Estimate(Estimate { at, sweep: u64::from(k), pose, covariance, odometry })).unwrap();
+        outputs
+            .event(&Event::Estimate(Estimate { at, sweep: u64::from(k), pose, covariance, odometry, nis: 1.0 }))
+            .unwrap();
         outputs.timing(Duration::from_micros(u64::from(k % 50)));
     }
     let mut states = vec![SensorState::Healthy; 32];
@@ -65,7 +67,8 @@ fn a_run_leaves_whole_files_and_a_summary() {
     let mut names: Vec<_> =
         fs::read_dir(&out).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
-    let expected = "config.toml faults.csv map.pgm map.png map.yaml odometry.tum summary.json trajectory.tum truth.tum";
+    let expected =
+        "config.toml faults.csv lock.csv map.pgm map.png map.yaml odometry.tum summary.json trajectory.tum truth.tum";
     assert_eq!(names.join(" "), expected);
     let trajectory = fs::read_to_string(out.join("trajectory.tum")).unwrap();
     assert_eq!(trajectory.lines().count(), 600);

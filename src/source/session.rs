@@ -4,7 +4,7 @@
 //! depends on what was read and written and when, never on when a timer fired: a recording replays bit for bit.
 
 use crate::config::Config;
-use crate::event::{Estimate, Event, FaultEvent, Input, Output, PositionEvent, SensorState};
+use crate::event::{Estimate, Event, FaultEvent, Input, LockChange, LockEvent, Output, PositionEvent, SensorState};
 use crate::geometry::{Pose2, Ring};
 use crate::link::Reception;
 use crate::memory::{Impossible, Memory};
@@ -211,6 +211,7 @@ impl Session {
             Event::BoardReset { .. } => tracing::warn!("the board has restarted; map and pose go on"),
             Event::BoardTrouble { text, .. } => tracing::error!("board: {text}"),
             Event::BoardLog { text, .. } => tracing::info!("board says: {text}"),
+            Event::Lock(lock) => lock_line(&lock),
             Event::Fault(fault) => {
                 tracing::warn!("{:.1} s: {}", fault.at.seconds(), fault.reason);
                 let sensor = fault.sensor;
@@ -222,6 +223,25 @@ impl Session {
             Event::Position(PositionEvent { is_known: true, reason, .. }) => tracing::info!("{reason}"),
             Event::Position(PositionEvent { reason, .. }) => tracing::warn!("{reason}"),
             Event::Estimate(estimate) => self.estimate = Some(estimate),
+        }
+    }
+}
+
+/// The robot's hold on its map, in words.
+fn lock_line(lock: &LockEvent) {
+    let since_s = lock.since.seconds();
+    match lock.change {
+        LockChange::Lost => {
+            tracing::warn!(
+                "position lost: what is heard contradicts the map; poses are uncertain since {since_s:.1} s"
+            );
+        }
+        LockChange::Regained { moved_m, turned_rad } => tracing::info!(
+            "position found again, {moved_m:.2} m and {:.0} degrees off; poses since {since_s:.1} s were uncertain",
+            turned_rad.to_degrees()
+        ),
+        LockChange::Abandoned => {
+            tracing::warn!("position not found: the walls known so far are given up");
         }
     }
 }
