@@ -133,7 +133,7 @@ pub enum LockChange {
         /// How far the believed heading was off, radians.
         turned_rad: f64,
     },
-    /// No place fits: the walls are forgotten and learnt anew from where the wheels say the robot is.
+    /// No place fits better than the believed one: the search has ended.
     Abandoned,
 }
 

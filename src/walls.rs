@@ -44,6 +44,7 @@ pub struct Walls {
     /// Whether the ring has beams enough to tell clutter from another place.
     can_tell: bool,
     lost: Option<Lost>,
+    search: AxisFinder,
     /// When what was heard last agreed with the walls.
     sure: (u64, Timestamp),
 }
@@ -59,9 +60,14 @@ const MOST_SWEEPS: usize = 300;
 const CONTRAST: f64 = 1.25;
 /// A robot that was put back by hand stands this far from where it stood, metres.
 const RESUME_SIGMA_M: f64 = 0.1;
+/// The first axis must beat every other direction this much, or is waited for.
+const LEAD: f64 = 1.15;
 const AXIS_SIGMA_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
 /// Fewer sensors raise false alarms: of 8, one drive in three.
 const LEAST_SENSORS: usize = 12;
+/// A place found this near is the one that was believed.
+const HERE_M: f64 = 0.25;
+const HERE_RAD: f64 = 0.15;
 /// Sweeps between two checks of the heading.
 const CHECK_SWEEPS: usize = 25;
 /// A check farther off than this speaks of another axis, not of drift.
@@ -88,6 +94,7 @@ impl Walls {
             grid: OccupancyGrid::new(config.map.cell_m),
             can_tell: ring.len() >= LEAST_SENSORS,
             lost: None,
+            search: AxisFinder::default(),
             sure: (0, Timestamp::default()),
         }
     }
@@ -201,7 +208,7 @@ impl Walls {
         }
         let axis = start::find(&mut self.axis, &self.waiting, &self.wheels);
         let axis = axis.filter(|axis| axis.contrast >= CONTRAST);
-        if axis.is_none() && waited < MOST_SWEEPS {
+        if waited < MOST_SWEEPS && axis.is_none_or(|axis| axis.lead < LEAD) {
             return;
         }
         // Without an axis any direction is as good as another: the first heading becomes the map's x axis.
@@ -224,12 +231,12 @@ impl Walls {
     /// What follows once the pose is predicted and the sensors are judged.
     fn follow(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
         let Some(tracker) = &mut self.tracker else { return };
+        tracker.correct(sweep, self.lost.is_none(), |sensor| self.detector.is_trusted(sensor));
+        self.check_heading(sweep);
         if self.lost.is_some() {
             self.seek_place(sweep, events);
         } else {
-            tracker.correct(sweep, |sensor| self.detector.is_trusted(sensor));
             self.watch_lock(sweep, events);
-            self.check_heading(sweep);
             self.draw(sweep);
         }
         if let Some(tracker) = &self.tracker {
@@ -251,32 +258,35 @@ impl Walls {
             self.sure = (sweep.index, sweep.at);
         }
         if self.can_tell && tracker.watch().is_lost() {
-            let (sweep_index, since) = self.sure;
-            tracker.lose(sweep_index);
-            self.lost = Some(Lost::new(since));
+            let (since_sweep, since) = self.sure;
+            self.lost = Some(Lost::new(since, since_sweep, tracker.filter.pose(), sweep.odometry));
             events.push(Event::Lock(LockEvent { at: sweep.at, since, change: LockChange::Lost }));
         }
     }
 
-    /// Seeks the place of a lost robot.
+    /// Seeks the place of a robot that may be elsewhere.
     fn seek_place(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
         let (Some(tracker), Some(lost)) = (&mut self.tracker, &mut self.lost) else { return };
+        lost.add(sweep, |sensor| self.detector.is_trusted(sensor));
         let believed = tracker.filter.pose();
-        lost.add(believed, sweep, |sensor| self.detector.is_trusted(sensor));
-        let change = if let Some(place) = lost.find(&mut self.axis, &tracker.known_walls()) {
-            let pose = place.correction * believed;
-            tracker.relocate(pose);
+        let walls = || tracker.known_walls(lost.since_sweep);
+        let change = if let Some(pose) = lost.find(sweep.odometry, &mut self.search, walls) {
             let moved_m = (pose.position() - believed.position()).norm();
-            LockChange::Regained { moved_m, turned_rad: wrap_angle(pose.theta_rad - believed.theta_rad) }
+            let turned_rad = wrap_angle(pose.theta_rad - believed.theta_rad);
+            if moved_m > HERE_M || turned_rad.abs() > HERE_RAD {
+                tracker.relocate(pose, lost.since_sweep);
+            }
+            LockChange::Regained { moved_m, turned_rad }
+        } else if tracker.watch().is_sure() {
+            LockChange::Regained { moved_m: 0.0, turned_rad: 0.0 }
         } else if lost.is_hopeless() {
-            tracker.forget_walls();
             LockChange::Abandoned
         } else {
             return;
         };
+        tracker.trust_anew();
         events.push(Event::Lock(LockEvent { at: sweep.at, since: lost.since, change }));
         self.lost = None;
-        self.axis_sweeps = 0;
     }
 
     /// Every few seconds the axis of what was just heard must be the building's.

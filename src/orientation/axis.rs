@@ -17,6 +17,8 @@ pub struct Axis {
     pub angle_rad: f64,
     /// How much better the best direction is than the median one; 1 is no preference.
     pub contrast: f64,
+    /// How much better it is than the best one that lies apart from it, as furniture set at an angle has.
+    pub lead: f64,
     /// How strongly the votes gather under it; comparable between the same returns laid out differently.
     pub strength: f64,
 }
@@ -46,6 +48,8 @@ const RHO_BINS: usize = 512;
 const OBLIQUE_RAD: f64 = 30.0 * std::f64::consts::PI / 180.0;
 /// Directions on each side of the best that shape its peak.
 const PEAK: usize = 6;
+/// Directions on each side of the best that are its own flank.
+const APART: usize = 15;
 
 impl Default for AxisFinder {
     fn default() -> Self {
@@ -82,10 +86,17 @@ impl AxisFinder {
         sorted.sort_by(f64::total_cmp);
         let (median, top) = (sorted[DIRECTIONS / 2], sorted[DIRECTIONS - 1]);
         let best = self.scores.iter().position(|score| *score >= top)?;
+        let rival = self.rival(best);
         let offset = self.peak_offset(best);
         let angle_rad = (best as f64 + offset) * STEP_RAD;
         let folded = if angle_rad > 0.5 * FRAC_PI_2 { angle_rad - FRAC_PI_2 } else { angle_rad };
-        (median > 0.0).then_some(Axis { angle_rad: folded, contrast: top / median, strength: top })
+        (median > 0.0).then_some(Axis { angle_rad: folded, contrast: top / median, lead: top / rival, strength: top })
+    }
+
+    /// The best score of a direction that lies apart from the best one.
+    fn rival(&self, best: usize) -> f64 {
+        let apart = |index: usize| index.abs_diff(best).min(DIRECTIONS - index.abs_diff(best)) > APART;
+        (0..DIRECTIONS).filter(|&index| apart(index)).map(|index| self.scores[index]).fold(0.0, f64::max)
     }
 
     /// How strongly the votes gather under one direction and its three perpendiculars.

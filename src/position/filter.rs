@@ -229,13 +229,6 @@ impl Filter {
         self.cross.swap_remove(wall);
     }
 
-    /// Admits that the pose is less certain than believed.
-    pub fn inflate(&mut self, position_sigma_m: f64, heading_sigma_rad: f64) {
-        self.robot_cov[(0, 0)] += position_sigma_m * position_sigma_m;
-        self.robot_cov[(1, 1)] += position_sigma_m * position_sigma_m;
-        self.robot_cov[(2, 2)] += heading_sigma_rad * heading_sigma_rad;
-    }
-
     /// Puts the robot elsewhere: what tied its pose to wheels and walls is void.
     pub fn relocate(&mut self, pose: Pose2, position_sigma_m: f64, heading_sigma_rad: f64) {
         let sigmas = [position_sigma_m, position_sigma_m, heading_sigma_rad];
@@ -246,12 +239,6 @@ impl Filter {
             self.robot_cov[(row, row)] = sigmas[row] * sigmas[row];
             self.cross.iter_mut().for_each(|cross| cross[row] = 0.0);
         }
-    }
-
-    /// Forgets all walls.
-    pub fn forget_walls(&mut self) {
-        self.offsets.clear();
-        self.cross.clear();
     }
 
     /// x += K ν and P −= K S Kᵀ, where the column is P Hᵀ: symmetric by construction.

@@ -64,6 +64,13 @@ impl Filter {
         Ok(filter)
     }
 
+    /// Admits that the pose is less certain than believed.
+    pub fn inflate(&mut self, position_sigma_m: f64, heading_sigma_rad: f64) {
+        self.robot_cov[(0, 0)] += position_sigma_m * position_sigma_m;
+        self.robot_cov[(1, 1)] += position_sigma_m * position_sigma_m;
+        self.robot_cov[(2, 2)] += heading_sigma_rad * heading_sigma_rad;
+    }
+
     /// Takes the walls as they are, without doubt: updates change the robot only.
     pub fn fix_walls(&mut self) {
         self.cross.fill(Robot::zeros());

@@ -58,7 +58,7 @@ pub struct Tracker {
     matches: Vec<Option<usize>>,
     expected: Vec<Option<f64>>,
     pub(super) watch: LockWatch,
-    pub(super) nis: f64,
+    nis: f64,
 }
 
 /// Innovations farther out than this many standard deviations belong to something else.
@@ -158,8 +158,8 @@ impl Tracker {
         nearest
     }
 
-    /// Corrects the pose with the beams that `is_trusted`, and learns walls from those that no wall explains.
-    pub fn correct(&mut self, sweep: &Sweep, is_trusted: impl Fn(usize) -> bool) {
+    /// Corrects the pose with the beams that `is_trusted`, and where `may_learn`, learns walls from those that no wall explains.
+    pub fn correct(&mut self, sweep: &Sweep, may_learn: bool, is_trusted: impl Fn(usize) -> bool) {
         self.uses.clear();
         self.matches.clear();
         for (sensor, beam) in sweep.beams.iter().enumerate() {
@@ -196,7 +196,7 @@ impl Tracker {
         }
         self.nis = nis_sum / seen;
         if !self.is_fixed {
-            if !self.watch.is_doubtful() {
+            if may_learn && !self.watch.is_doubtful() {
                 self.learn(sweep);
             }
             self.merge();

@@ -1,4 +1,4 @@
-//! What becomes of a tracker that has lost its place.
+//! What a tracker does when its place is in doubt.
 
 use super::lock::LockWatch;
 use super::relock::KnownWall;
@@ -16,41 +16,39 @@ impl Tracker {
         &self.watch
     }
 
-    /// Every well-known wall.
+    /// Every well-known wall that was learnt before the sweep `until`, or by an earlier run.
     #[must_use]
-    pub fn known_walls(&self) -> Vec<KnownWall> {
+    pub fn known_walls(&self, until: u64) -> Vec<KnownWall> {
         let known = |wall: &Wall, offset_m| KnownWall { side: wall.side, offset_m, lo_m: wall.lo_m, hi_m: wall.hi_m };
         let active = self.walls.iter().enumerate().map(|(index, wall)| (wall, self.filter.offset_m(index)));
         let all = active.chain(self.parked.iter().map(|parked| (&parked.wall, parked.offset_m)));
-        all.filter(|(wall, _)| wall.hits >= WELL_KNOWN).map(|(wall, offset_m)| known(wall, offset_m)).collect()
+        all.filter(|(wall, _)| wall.hits >= WELL_KNOWN && !wall.is_since(until))
+            .map(|(wall, offset_m)| known(wall, offset_m))
+            .collect()
     }
 
-    /// The lock is lost: what was learnt from the sweep `since` on is void, and the pose is uncertain.
-    pub fn lose(&mut self, since: u64) {
-        for wall in (0..self.walls.len())
-            .rev()
-            .filter(|&wall| self.walls[wall].first_sweep.is_some_and(|first| first >= since))
-            .collect::<Vec<_>>()
-        {
-            self.walls.swap_remove(wall);
-            self.filter.remove(wall);
+    /// The robot is elsewhere: what was learnt from the sweep `since` on is void.
+    pub fn relocate(&mut self, pose: Pose2, since: u64) {
+        for wall in (0..self.walls.len()).rev() {
+            if self.walls[wall].is_since(since) {
+                self.walls.swap_remove(wall);
+                self.filter.remove(wall);
+            }
         }
         self.nursery.clear();
         self.uses.clear();
-        self.watch = LockWatch::default();
-        self.nis = f64::NAN;
-        self.filter.inflate(0.5, 0.5);
-    }
-
-    /// The place is known again.
-    pub fn relocate(&mut self, pose: Pose2) {
         self.filter.relocate(pose, RELOCK_SIGMA_M, RELOCK_SIGMA_RAD);
     }
 
-    /// No wall is known any more.
-    pub fn forget_walls(&mut self) {
-        self.filter.forget_walls();
-        self.walls.clear();
-        self.parked.clear();
+    /// Forgets what contradicted the map.
+    pub fn trust_anew(&mut self) {
+        self.watch = LockWatch::default();
+    }
+}
+
+impl Wall {
+    /// True where this run has learnt it from this sweep on.
+    fn is_since(&self, sweep: u64) -> bool {
+        self.first_sweep.is_some_and(|first| first >= sweep)
     }
 }

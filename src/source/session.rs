@@ -241,7 +241,9 @@ fn lock_line(lock: &LockEvent) {
             turned_rad.to_degrees()
         ),
         LockChange::Abandoned => {
-            tracing::warn!("position not found: the walls known so far are given up");
+            tracing::warn!(
+                "position not found: no other place explains what is heard; mapping goes on where the robot is believed"
+            );
         }
     }
 }

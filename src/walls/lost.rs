@@ -1,16 +1,21 @@
-//! A robot that does not know where it is: it gathers what it hears until that fits one place among the walls it knows.
+//! A robot that may be elsewhere: what it hears is gathered along the wheels' path until it fits one place among the walls it knew.
+//!
+//! The filter goes on meanwhile, for the doubt may be wrong; it is moved only where another place explains what is heard distinctly better.
 
 use crate::geometry::Pose2;
 use crate::orientation::axis::AxisFinder;
-use crate::position::relock::{self, KnownWall, Place};
+use crate::position::relock::{self, KnownWall};
 use crate::sweep::{Beam, Sweep};
 use crate::time::Timestamp;
 
-/// A lost robot.
+/// A robot in doubt.
 #[derive(Debug)]
 pub(super) struct Lost {
     /// From when on its poses are uncertain.
     pub(super) since: Timestamp,
+    /// The first sweep of that time: walls learnt from it on may be wrong.
+    pub(super) since_sweep: u64,
+    map_from_odom: Pose2,
     returns: Vec<(Pose2, Beam)>,
     sweeps: u32,
 }
@@ -26,29 +31,38 @@ const MOST_RETURNS: usize = 1_000;
 const CONTRAST: f64 = 1.25;
 
 impl Lost {
-    pub(super) fn new(since: Timestamp) -> Self {
-        Self { since, returns: Vec::with_capacity(MOST_RETURNS), sweeps: 0 }
+    /// The doubt begins, with the robot believed at `pose`.
+    pub(super) fn new(since: Timestamp, since_sweep: u64, pose: Pose2, odometry: Pose2) -> Self {
+        let map_from_odom = pose * odometry.inverse();
+        Self { since, since_sweep, map_from_odom, returns: Vec::with_capacity(MOST_RETURNS), sweeps: 0 }
     }
 
     /// Keeps what the trusted beams heard, seen from the pose that the wheels alone tell.
-    pub(super) fn add(&mut self, pose: Pose2, sweep: &Sweep, is_trusted: impl Fn(usize) -> bool) {
+    pub(super) fn add(&mut self, sweep: &Sweep, is_trusted: impl Fn(usize) -> bool) {
         self.sweeps += 1;
+        let pose = self.map_from_odom * sweep.odometry;
         let excess = (self.returns.len() + sweep.beams.len()).saturating_sub(MOST_RETURNS);
         self.returns.drain(..excess.min(self.returns.len()));
         let heard = sweep.beams.iter().enumerate().filter(|(sensor, beam)| is_trusted(*sensor) && beam.has_range());
         self.returns.extend(heard.map(|(_, beam)| (pose, *beam)));
     }
 
-    /// The place, once it is known.
-    pub(super) fn find(&self, finder: &mut AxisFinder, walls: &[KnownWall]) -> Option<Place> {
+    /// The pose, once it is known, at the sweep with this odometry.
+    pub(super) fn find(
+        &self,
+        odometry: Pose2,
+        finder: &mut AxisFinder,
+        walls: impl FnOnce() -> Vec<KnownWall>,
+    ) -> Option<Pose2> {
         if self.sweeps < FIRST_SWEEPS || !self.sweeps.is_multiple_of(EVERY_SWEEPS) {
             return None;
         }
         finder.clear();
         self.returns.iter().for_each(|(pose, beam)| finder.add(*pose, beam));
-        let axis = finder.find().filter(|axis| axis.contrast >= CONTRAST)?;
+        let axis = finder.find().filter(|axis| axis.contrast >= CONTRAST);
         finder.clear();
-        relock::find(&self.returns, walls, axis.angle_rad)
+        let place = relock::find(&self.returns, &walls(), axis?.angle_rad)?;
+        Some(place.correction * self.map_from_odom * odometry)
     }
 
     /// True where seeking on is of no use.
