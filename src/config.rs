@@ -2,6 +2,10 @@
 //!
 //! Every key is described in `configs/README.md`.
 
+mod calibration;
+
+pub use calibration::CorrectionConfig;
+
 use crate::geometry::{Mounting, Pose2, Ring};
 use serde::{Deserialize, Serialize};
 use slamd_protocol::Setting;
@@ -68,6 +72,13 @@ pub struct RobotConfig {
     pub wheel_radius_m: f64,
     /// Distance between the driven wheels, metres.
     pub wheel_base_m: f64,
+    /// How well that is known: one standard deviation, metres; 2.5 % where absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub wheel_base_sigma_m: Option<f64>,
+    /// Radius of the right wheel divided by that of the left; the mean of both is `wheel_radius_m`.
+    pub wheel_ratio: f64,
+    /// How well that is known: one standard deviation.
+    pub wheel_ratio_sigma: f64,
     /// Encoder ticks per wheel turn; the board's own value where absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ticks_per_turn: Option<u32>,
@@ -83,6 +94,9 @@ impl Default for RobotConfig {
             name: "robot".into(),
             wheel_radius_m: 0.035,
             wheel_base_m: 0.26,
+            wheel_base_sigma_m: None,
+            wheel_ratio: 1.0,
+            wheel_ratio_sigma: 0.012,
             ticks_per_turn: None,
             max_speed_m_s: 0.6,
             max_turn_rate_rad_s: 2.5,
@@ -106,11 +120,21 @@ pub struct RingConfig {
     /// Sensors one by one.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub sensors: Vec<SensorConfig>,
+    /// What `slamd calibrate` has found of single sensors.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub corrections: Vec<CorrectionConfig>,
 }
 
 impl Default for RingConfig {
     fn default() -> Self {
-        Self { min_range_m: 0.03, max_range_m: 3.0, temperature_c: 20.0, circle: None, sensors: Vec::new() }
+        Self {
+            min_range_m: 0.03,
+            max_range_m: 3.0,
+            temperature_c: 20.0,
+            circle: None,
+            sensors: Vec::new(),
+            corrections: Vec::new(),
+        }
     }
 }
 
@@ -247,6 +271,7 @@ impl Config {
             check.within(&format!("ring.sensors.{i}.bearing_deg"), sensor.bearing_deg, -360.0..=360.0)?;
             check.within(&format!("ring.sensors.{i}.half_angle_deg"), sensor.half_angle_deg, 0.0..=60.0)?;
         }
+        self.check_calibration(&check)?;
         for (name, value) in &self.board {
             let key = format!("board.{name}");
             let Some(setting) = Setting::from_name(name) else {

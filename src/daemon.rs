@@ -4,6 +4,7 @@ use crate::link::{Link, LinkState, Remedy};
 use crate::port::{self, PortName, Trouble};
 use crate::publish::PublishError;
 use crate::recorder::Recorder;
+use crate::session_file::Saver;
 use crate::source::session::Session;
 use crate::time::Timestamp;
 use bytes::{Buf, Bytes};
@@ -193,6 +194,8 @@ pub struct Live<'a> {
     pub session: &'a mut Session,
     /// Where the traffic is recorded.
     pub recorder: &'a mut Option<Recorder>,
+    /// Where what is known is saved for the next session.
+    pub saver: &'a mut Option<Saver>,
 }
 
 /// Runs until the end is requested, or a hang-up where that is the end.
@@ -207,7 +210,7 @@ pub async fn run(
     live: Live<'_>,
     observe: &mut Observer<'_>,
 ) -> Result<(), DaemonError> {
-    let Live { begin, session, recorder } = live;
+    let Live { begin, session, recorder, saver } = live;
     let now = || Timestamp::default() + begin.elapsed();
     link.opened(now(), &port.name, &session.reception());
     loop {
@@ -239,6 +242,9 @@ pub async fn run(
             Wake::Traffic(Err(error)) => (gone, hung_up) = (Some(format!("{} is gone: {error}", port.name)), true),
             Wake::Deadline => link.tick(at, &session.reception()),
             Wake::End => return Ok(()),
+        }
+        if let Some(saver) = saver {
+            saver.tick(at, || session.memory());
         }
         match link.take_remedy() {
             Some(Remedy::Baud(baud)) => gone = port.stream.set_baud_rate(baud).err().map(|error| error.to_string()),

@@ -4,6 +4,7 @@ use crate::geometry::Pose2;
 use crate::time::Timestamp;
 use bytes::Bytes;
 use nalgebra::Matrix3;
+use serde::{Deserialize, Serialize};
 
 /// One input. Times never run back.
 #[derive(Clone, Copy, Debug)]
@@ -66,6 +67,8 @@ pub enum Event {
     Estimate(Estimate),
     /// A sensor changed its state.
     Fault(FaultEvent),
+    /// What is known of the robot's place has changed; only where it is sought in a known map.
+    Position(PositionEvent),
     /// The robot no longer knows where it is, or knows it again.
     Lock(LockEvent),
     /// A line of text from the board, control characters removed.
@@ -135,7 +138,7 @@ pub enum LockChange {
 }
 
 /// What a sensor's readings are worth.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SensorState {
     /// Its readings are used.
     #[default]
@@ -145,7 +148,7 @@ pub enum SensorState {
 }
 
 /// In which way a sensor is broken.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum FaultKind {
     /// It always hears nothing within range.
     Saturated,
@@ -183,8 +186,22 @@ pub struct FaultEvent {
     pub reason: String,
 }
 
+/// What is known of the robot's place in a known map.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PositionEvent {
+    /// When it was noticed.
+    #[serde(skip)]
+    pub at: Timestamp,
+    /// True where the place is known.
+    pub is_known: bool,
+    /// Seconds that the robot had been driving by then.
+    pub driven_s: f64,
+    /// In words.
+    pub reason: String,
+}
+
 /// The drive as the estimator has learnt it, with one standard deviation each.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
     /// Right wheel's size over the left's.
     pub wheel_ratio: f64,

@@ -10,6 +10,7 @@ pub mod sweep;
 pub mod time;
 
 pub mod config;
+pub mod memory;
 
 pub mod align;
 pub mod board;
@@ -23,17 +24,20 @@ pub mod mapping;
 pub mod orientation;
 pub mod position;
 
+pub mod localize;
 pub mod paper;
 pub mod walls;
 
 pub mod pipeline;
 
+pub mod calibrate;
 pub mod capture;
 pub mod doctor;
 pub mod import;
 pub mod inspect;
 pub mod metrics;
 pub mod publish;
+pub mod session_file;
 pub mod sim;
 pub mod source;
 

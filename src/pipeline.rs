@@ -8,19 +8,23 @@
 //!
 //! The steps from the sweep on are those of the chosen method: [`crate::walls`] or [`crate::paper`].
 
+mod estimator;
+
+pub use estimator::Start;
+
 use crate::align::track::Wheels;
 use crate::align::{Aligner, Restarted};
 use crate::board::Board;
-use crate::config::{Config, Method};
+use crate::config::Config;
 use crate::conversation::{Conversation, Trust};
 use crate::event::{Calibration, Counters, Event, Input, Output, SensorState};
 use crate::geometry::Ring;
 use crate::mapping::raster::Raster;
-use crate::paper::Paper;
+use crate::memory::{Impossible, Memory};
 use crate::sweep::Sweep;
 use crate::time::Timestamp;
-use crate::walls::Walls;
 use bytes::Bytes;
+use estimator::Estimator;
 use slamd_protocol::{DELIMITER, Encoder, FrameDecoder, FrameEncoder, Hello, Message, MessageError, Sonar};
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
@@ -34,49 +38,43 @@ pub struct Pipeline {
     encoder: FrameEncoder,
     conversation: Conversation,
     aligner: Aligner,
+    start: Start,
     estimator: Option<Estimator>,
+    kept_sweeps: Option<Vec<Sweep>>,
     last_seq: Option<u8>,
     counters: Counters,
     events: Vec<Event>,
     outputs: VecDeque<Output>,
 }
 
-/// The chosen method at work.
-#[derive(Debug)]
-enum Estimator {
-    Walls(Box<Walls>),
-    Paper(Box<Paper>),
-}
-
-impl Estimator {
-    fn new(config: &Config, ring: &Ring) -> Self {
-        match config.method {
-            Method::Walls => Self::Walls(Box::new(Walls::new(config, ring))),
-            Method::Paper => Self::Paper(Box::new(Paper::new(config, ring))),
-        }
-    }
-
-    fn update(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
-        match self {
-            Self::Walls(walls) => walls.update(sweep, events),
-            Self::Paper(paper) => paper.update(sweep, events),
-        }
-    }
-}
-
 impl Pipeline {
+    /// A pipeline that begins with what another has remembered.
+    ///
+    /// # Errors
+    /// Where the memory holds what cannot be, or the configured method cannot use it.
+    pub fn begin(config: &Config, start: Start) -> Result<Self, Impossible> {
+        // The ring may become known later; whether the memory can be used is said now.
+        Estimator::new(config, &Ring::default(), &start)?;
+        Ok(Self::start(config, start))
+    }
+
     /// A pipeline that has heard nothing yet.
     #[must_use]
     pub fn new(config: &Config) -> Self {
-        let ring = &config.ring;
+        Self::start(config, Start::Fresh)
+    }
+
+    fn start(config: &Config, start: Start) -> Self {
         let mut pipeline = Self {
             config: config.clone(),
             decoder: FrameDecoder::new(),
             sent: FrameDecoder::new(),
             encoder: FrameEncoder::default(),
             conversation: Conversation::new(config),
-            aligner: Aligner::new(ring.min_range_m..=ring.max_range_m, ring.temperature_c),
+            aligner: Aligner::new(&config.ring),
+            start,
             estimator: None,
+            kept_sweeps: None,
             last_seq: None,
             counters: Counters::default(),
             events: Vec::new(),
@@ -89,6 +87,16 @@ impl Pipeline {
             pipeline.use_ticks(ticks);
         }
         pipeline
+    }
+
+    /// Keeps each sweep for [`Pipeline::take_sweeps`].
+    pub fn keep_sweeps(&mut self) {
+        self.kept_sweeps = Some(Vec::new());
+    }
+
+    /// The sweeps since the last call, where they are kept.
+    pub fn take_sweeps(&mut self) -> Vec<Sweep> {
+        self.kept_sweeps.as_mut().map(std::mem::take).unwrap_or_default()
     }
 
     /// Takes one input. Never fails: what is wrong with it becomes an event or a counter.
@@ -124,11 +132,7 @@ impl Pipeline {
     /// The map as it is now.
     #[must_use]
     pub fn raster(&self) -> Raster {
-        match &self.estimator {
-            Some(Estimator::Walls(walls)) => walls.raster(),
-            Some(Estimator::Paper(paper)) => paper.raster(),
-            None => Raster::default(),
-        }
+        self.estimator.as_ref().map_or_else(Raster::default, Estimator::raster)
     }
 
     /// The ring, once known.
@@ -146,30 +150,26 @@ impl Pipeline {
     /// Each sensor's state, by id.
     #[must_use]
     pub fn states(&self) -> &[SensorState] {
-        match &self.estimator {
-            Some(Estimator::Walls(walls)) => walls.states(),
-            Some(Estimator::Paper(paper)) => paper.states(),
-            None => &[],
-        }
+        self.estimator.as_ref().map_or(&[], Estimator::states)
     }
 
     /// The wheels as the estimator has learnt them; the paper's method learns none.
     #[must_use]
     pub fn calibration(&self) -> Option<Calibration> {
-        match &self.estimator {
-            Some(Estimator::Walls(walls)) => Some(walls.calibration()),
-            _ => None,
-        }
+        self.estimator.as_ref()?.calibration()
+    }
+
+    /// Everything worth remembering; none before there is something, nor where a known map is not to be changed.
+    #[must_use]
+    pub fn memory(&self) -> Option<Memory> {
+        self.estimator.as_ref()?.memory()
     }
 
     /// Normalised innovation squared of the last sweep, per wall seen: 1 on the mean for a consistent filter. NaN where it saw no wall;
     /// the paper's method has none.
     #[must_use]
     pub fn nis(&self) -> f64 {
-        match &self.estimator {
-            Some(Estimator::Walls(walls)) => walls.nis(),
-            _ => f64::NAN,
-        }
+        self.estimator.as_ref().map_or(f64::NAN, Estimator::nis)
     }
 
     /// The board as far as it is known.
@@ -223,7 +223,7 @@ impl Pipeline {
         if self.conversation.board().is_refused() {
             return;
         }
-        let Self { conversation, aligner, estimator, counters, events, .. } = self;
+        let Self { conversation, aligner, estimator, kept_sweeps, counters, events, .. } = self;
         let trust = match &message {
             Message::Sonar(Sonar { t_us, .. }) | Message::Encoder(Encoder { t_us, .. }) => {
                 conversation.trust(at, || aligner.continues(*t_us, at))
@@ -237,6 +237,9 @@ impl Pipeline {
                 conversation.fired(at);
                 counters.groups += 1;
                 aligner.sonar(sonar, at, |sweep| {
+                    if let Some(kept) = kept_sweeps {
+                        kept.push(sweep.clone());
+                    }
                     if let Some(estimator) = estimator {
                         estimator.update(sweep, events);
                         counters.sweeps += 1;
@@ -309,14 +312,19 @@ impl Pipeline {
         if self.aligner.ring() == Some(&ring) {
             return;
         }
-        self.estimator = Some(Estimator::new(&self.config, &ring));
+        self.estimator = Estimator::new(&self.config, &ring, &self.start).ok();
+        if let Start::Resume(memory) = &self.start {
+            self.events.extend(memory.faults(at, ring.len()));
+        }
         self.events.push(Event::Ring { at, sensors: ring.len() });
         self.aligner.set_ring(ring);
     }
 
     fn use_ticks(&mut self, ticks_per_turn: u32) {
         let robot = &self.config.robot;
-        let metres_per_tick = TAU * robot.wheel_radius_m / f64::from(ticks_per_turn);
+        let mean_m = TAU * robot.wheel_radius_m / f64::from(ticks_per_turn);
+        let left_m = 2.0 * mean_m / (1.0 + robot.wheel_ratio);
+        let metres_per_tick = [left_m, left_m * robot.wheel_ratio];
         self.aligner.set_wheels(Wheels { metres_per_tick, base_m: robot.wheel_base_m });
     }
 

@@ -19,6 +19,7 @@ use crate::geometry::{Point, Pose2, Ring, wrap_angle};
 use crate::mapping::cone::{self, Target};
 use crate::mapping::grid::{Facing, OccupancyGrid};
 use crate::mapping::raster::Raster;
+use crate::memory::{Impossible, Memory};
 use crate::orientation::axis::AxisFinder;
 use crate::orientation::start;
 use crate::position::beam_model::sight;
@@ -32,7 +33,7 @@ use std::f64::consts::FRAC_PI_2;
 #[derive(Debug)]
 pub struct Walls {
     max_range_m: f64,
-    wheel_base_m: f64,
+    wheels: Calibration,
     detector: Detector,
     axis: AxisFinder,
     axis_sweeps: usize,
@@ -57,6 +58,8 @@ const LEAST_TRAVEL_M: f64 = 0.6;
 const MOST_SWEEPS: usize = 300;
 /// A direction is believed when its votes gather this much better than the median direction's.
 const CONTRAST: f64 = 1.25;
+/// A robot that was put back by hand stands this far from where it stood, metres.
+const RESUME_SIGMA_M: f64 = 0.1;
 /// The first axis must beat every other direction this much, or is waited for, but no longer than so many sweeps.
 const LEAD: f64 = 1.15;
 const LEAD_SWEEPS: usize = 100;
@@ -82,7 +85,7 @@ impl Walls {
     pub fn new(config: &Config, ring: &Ring) -> Self {
         Self {
             max_range_m: config.ring.max_range_m,
-            wheel_base_m: config.robot.wheel_base_m,
+            wheels: config.robot.wheels(),
             detector: Detector::new(ring, config.ring.max_range_m),
             axis: AxisFinder::default(),
             axis_sweeps: 0,
@@ -95,6 +98,64 @@ impl Walls {
             search: AxisFinder::default(),
             sure: (0, Timestamp::default()),
         }
+    }
+
+    /// The method in a building that it knows: it goes on at the remembered pose, of which it is less certain than it was, for
+    /// somebody may have touched the robot.
+    ///
+    /// # Errors
+    /// Where the memory holds what cannot be.
+    pub fn resume(config: &Config, ring: &Ring, memory: &Memory) -> Result<Self, Impossible> {
+        let mut tracker = Tracker::restore(memory)?;
+        tracker.filter.inflate(RESUME_SIGMA_M, AXIS_SIGMA_RAD);
+        let mut detector = Detector::new(ring, config.ring.max_range_m);
+        detector.restore(&memory.sensors)?;
+        let grid = OccupancyGrid::restore(&memory.map)?;
+        Ok(Self { tracker: Some(tracker), detector, grid, ..Self::new(config, ring) })
+    }
+
+    /// The method in a building that it knows and does not change, at `pose`, which is known to `sigma_m` and [`AXIS_SIGMA_RAD`];
+    /// what was found of the sensors meanwhile stays.
+    ///
+    /// # Errors
+    /// Where the memory holds what cannot be.
+    pub fn localized(self, memory: &Memory, pose: Pose2, sigma_m: f64) -> Result<Self, Impossible> {
+        let mut tracker = Tracker::restore(memory)?;
+        tracker.fix_walls();
+        tracker.filter.relocate(pose, sigma_m, AXIS_SIGMA_RAD);
+        Ok(Self {
+            tracker: Some(tracker),
+            grid: OccupancyGrid::restore(&memory.map)?,
+            axis: AxisFinder::default(),
+            lost: None,
+            ..self
+        })
+    }
+
+    /// Everything worth remembering; none before the building's axis is found.
+    #[must_use]
+    pub fn memory(&self) -> Option<Memory> {
+        let tracker = self.tracker.as_ref()?;
+        let (walls, parked) = tracker.wall_memory();
+        Some(Memory {
+            filter: tracker.filter.memory(),
+            walls,
+            parked,
+            map: self.grid.memory(),
+            sensors: self.detector.memory(),
+        })
+    }
+
+    /// The robot in the map; none before the building's axis is found.
+    #[must_use]
+    pub fn pose(&self) -> Option<Pose2> {
+        self.tracker.as_ref().map(|tracker| tracker.filter.pose())
+    }
+
+    /// What became of each beam of the last sweep, by sensor.
+    #[must_use]
+    pub fn uses(&self) -> &[Use] {
+        self.tracker.as_ref().map_or(&[], Tracker::uses)
     }
 
     /// Uses one sweep.
@@ -127,8 +188,7 @@ impl Walls {
     /// The wheels as learnt so far.
     #[must_use]
     pub fn calibration(&self) -> Calibration {
-        let nominal = Calibration { wheel_ratio: 1.0, wheel_base_m: self.wheel_base_m, ..Calibration::default() };
-        self.tracker.as_ref().map_or(nominal, |tracker| tracker.filter.calibration())
+        self.tracker.as_ref().map_or(self.wheels, |tracker| tracker.filter.calibration())
     }
 
     /// Normalised innovation squared of the last sweep, per wall seen; NaN where it saw none.
@@ -147,7 +207,7 @@ impl Walls {
         if waited < MOST_SWEEPS && !is_time {
             return;
         }
-        let axis = start::find(&mut self.axis, &self.waiting, self.wheel_base_m);
+        let axis = start::find(&mut self.axis, &self.waiting, &self.wheels);
         let axis = axis.filter(|axis| axis.contrast >= CONTRAST);
         let least_lead = if waited < LEAD_SWEEPS { LEAD } else { 1.0 };
         if waited < MOST_SWEEPS && axis.is_none_or(|axis| axis.lead < least_lead) {
@@ -156,7 +216,7 @@ impl Walls {
         // Without an axis any direction is as good as another: the first heading becomes the map's x axis.
         let heading_rad = axis.map_or(0.0, |axis| -axis.angle_rad);
         let sigma_rad = if axis.is_some() { AXIS_SIGMA_RAD } else { 0.25 * FRAC_PI_2 };
-        self.tracker = Some(Tracker::new(Pose2::new(0.0, 0.0, heading_rad), sigma_rad, self.wheel_base_m));
+        self.tracker = Some(Tracker::new(Pose2::new(0.0, 0.0, heading_rad), sigma_rad, self.wheels));
         self.axis.clear();
         for mut sweep in std::mem::take(&mut self.waiting) {
             if sweep.index == 0 {
@@ -253,7 +313,7 @@ impl Walls {
 
     /// Draws what the trusted beams heard.
     fn draw(&mut self, sweep: &Sweep) {
-        let Some(tracker) = &self.tracker else { return };
+        let Some(tracker) = self.tracker.as_ref().filter(|tracker| !tracker.is_fixed()) else { return };
         let pose = tracker.filter.pose();
         self.grid.revise();
         for (sensor, (beam, used)) in sweep.beams.iter().zip(tracker.uses()).enumerate() {

@@ -13,19 +13,21 @@ const TABLE: &[(&str, &[&str], bool)] = &[
     ("geometry", &[], false),
     ("sweep", &["time", "geometry"], false),
     ("event", &["time", "geometry"], false),
-    ("config", &["protocol", "time", "geometry"], false),
+    ("config", &["protocol", "time", "geometry", "event"], false),
+    ("memory", &["time", "event"], false),
     ("align", &["protocol", "time", "geometry", "sweep", "config"], false),
     ("board", &["protocol", "geometry"], false),
     ("handshake", &["protocol", "time"], false),
     ("settings", &["protocol"], false),
     ("conversation", &["protocol", "time", "geometry", "config", "event", "board", "handshake", "settings"], false),
     ("link", &["time", "board"], false),
-    ("fault", &["sweep", "time", "geometry", "config", "event"], false),
-    ("orientation", &["sweep", "time", "geometry", "config"], false),
-    ("position", &["sweep", "time", "geometry", "config", "event"], false),
-    ("mapping", &["sweep", "time", "geometry", "config"], false),
+    ("fault", &["sweep", "time", "geometry", "config", "event", "memory"], false),
+    ("orientation", &["sweep", "time", "geometry", "config", "event"], false),
+    ("position", &["sweep", "time", "geometry", "config", "event", "memory"], false),
+    ("mapping", &["sweep", "time", "geometry", "config", "memory"], false),
     ("walls", ESTIMATORS, false),
     ("paper", ESTIMATORS, false),
+    ("localize", &["sweep", "time", "geometry", "config", "event", "memory", "position", "mapping", "walls"], false),
     ("metrics", &["time", "geometry", "event", "mapping"], false),
     (
         "pipeline",
@@ -40,12 +42,20 @@ const TABLE: &[(&str, &[&str], bool)] = &[
             "board",
             "conversation",
             "mapping",
+            "memory",
             "walls",
             "paper",
+            "localize",
         ],
         false,
     ),
+    (
+        "calibrate",
+        &["time", "geometry", "event", "config", "sweep", "memory", "position", "pipeline", "capture", "metrics"],
+        false,
+    ),
     ("doctor", &["protocol", "time", "geometry", "event", "config", "align", "board", "link", "pipeline"], false),
+    ("session_file", &["time", "memory"], true),
     ("monitor", &["time", "geometry", "event", "link", "mapping"], false),
     ("capture", &["time", "geometry"], true),
     ("sim", &["protocol", "time", "geometry", "config", "capture"], true),
@@ -54,7 +64,7 @@ const TABLE: &[(&str, &[&str], bool)] = &[
     ("publish", &["time", "geometry", "event", "config", "mapping", "metrics", "pipeline"], true),
     (
         "source",
-        &["link", "time", "geometry", "event", "config", "pipeline", "capture", "sim", "publish", "metrics"],
+        &["link", "time", "geometry", "event", "config", "memory", "pipeline", "capture", "sim", "publish", "metrics"],
         true,
     ),
     (
@@ -72,7 +82,7 @@ const TABLE: &[(&str, &[&str], bool)] = &[
 ];
 
 const ESTIMATORS: &[&str] =
-    &["sweep", "time", "geometry", "config", "event", "fault", "orientation", "position", "mapping"];
+    &["sweep", "time", "geometry", "config", "event", "memory", "fault", "orientation", "position", "mapping"];
 const EVERYTHING: &[&str] = &["*"];
 /// What a module that may not touch the world must not name.
 const WORLD: &[&str] = &[

@@ -4,6 +4,7 @@ pub mod clock;
 pub mod sweeper;
 pub mod track;
 
+use crate::config::{CorrectionConfig, RingConfig};
 use crate::geometry::Ring;
 use crate::sweep::Sweep;
 use crate::time::{DeviceTime, Timestamp};
@@ -21,6 +22,7 @@ pub struct Aligner {
     track: Track,
     wheels: Option<Wheels>,
     sweeper: Option<Sweeper>,
+    corrections: Vec<CorrectionConfig>,
     range_m: RangeInclusive<f64>,
     temperature_c: f64,
     newest: Timestamp,
@@ -34,17 +36,18 @@ const CONTINUES_S: f64 = 0.5;
 pub struct Restarted;
 
 impl Aligner {
-    /// An aligner for sensors that measure within `range_m`, in air of `temperature_c` until the board says otherwise.
+    /// An aligner for sensors as configured.
     #[must_use]
-    pub fn new(range_m: RangeInclusive<f64>, temperature_c: f64) -> Self {
+    pub fn new(ring: &RingConfig) -> Self {
         Self {
             widener: Widener::default(),
             clock: ClockMap::default(),
             track: Track::default(),
             wheels: None,
             sweeper: None,
-            range_m,
-            temperature_c,
+            corrections: ring.corrections.clone(),
+            range_m: ring.min_range_m..=ring.max_range_m,
+            temperature_c: ring.temperature_c,
             newest: Timestamp::default(),
         }
     }
@@ -52,7 +55,7 @@ impl Aligner {
     /// The ring is known; a ring that differs from the one before begins its sweeps anew.
     pub fn set_ring(&mut self, ring: Ring) {
         if self.ring() != Some(&ring) {
-            self.sweeper = Some(Sweeper::new(ring, self.range_m.clone(), self.temperature_c));
+            self.sweeper = Some(Sweeper::new(ring, &self.corrections, self.range_m.clone(), self.temperature_c));
         }
     }
 

@@ -5,7 +5,8 @@
 //! of flight after the trigger; the odometry track tells where that was in the robot frame of the reference instant.
 
 use super::track::{Track, Travel, Wheels};
-use crate::geometry::Ring;
+use crate::config::CorrectionConfig;
+use crate::geometry::{Pose2, Ring};
 use crate::sweep::{Beam, NoMeasurement, Sweep};
 use crate::time::{DeviceTime, Timestamp};
 use slamd_protocol::{Echo, Sonar};
@@ -17,10 +18,32 @@ struct Ping {
     echo: Option<Echo>,
 }
 
+/// How one sensor differs from its drawing.
+#[derive(Clone, Copy, Debug, Default)]
+struct Correction {
+    range_bias_m: f64,
+    turned: Pose2,
+}
+
+impl Correction {
+    /// One per sensor; those not named are as drawn, those outside the ring are ignored.
+    fn of_ring(named: &[CorrectionConfig], sensors: usize) -> Vec<Self> {
+        let mut corrections = vec![Self::default(); sensors];
+        for named in named {
+            if let Some(correction) = corrections.get_mut(usize::from(named.sensor)) {
+                let turned = Pose2::new(0.0, 0.0, named.bearing_offset_deg.to_radians());
+                *correction = Self { range_bias_m: named.range_bias_m, turned };
+            }
+        }
+        corrections
+    }
+}
+
 /// Gathers pings into sweeps.
 #[derive(Clone, Debug)]
 pub struct Sweeper {
     ring: Ring,
+    corrections: Vec<Correction>,
     range_m: std::ops::RangeInclusive<f64>,
     sound_m_s: f64,
     pings: Vec<Option<Ping>>,
@@ -35,13 +58,29 @@ pub struct Sweeper {
 const LEAST_HEARD: f64 = 0.25;
 
 impl Sweeper {
-    /// A sweeper for a ring whose sensors measure within `range_m`.
+    /// A sweeper for a ring whose sensors measure within `range_m` and differ from their drawing by `corrections`.
     #[must_use]
-    pub fn new(ring: Ring, range_m: std::ops::RangeInclusive<f64>, temperature_c: f64) -> Self {
+    pub fn new(
+        ring: Ring,
+        corrections: &[CorrectionConfig],
+        range_m: std::ops::RangeInclusive<f64>,
+        temperature_c: f64,
+    ) -> Self {
+        let corrections = Correction::of_ring(corrections, ring.len());
         let pings = vec![None; ring.len()];
         let sweep = Sweep { beams: Vec::with_capacity(ring.len()), ..Sweep::default() };
-        let mut sweeper =
-            Self { ring, range_m, sound_m_s: 0.0, pings, newest: None, previous: None, sweep, count: 0, dropped: 0 };
+        let mut sweeper = Self {
+            ring,
+            corrections,
+            range_m,
+            sound_m_s: 0.0,
+            pings,
+            newest: None,
+            previous: None,
+            sweep,
+            count: 0,
+            dropped: 0,
+        };
         sweeper.set_temperature(temperature_c);
         sweeper
     }
@@ -108,15 +147,15 @@ impl Sweeper {
         let (odometry, travel) = track.at(reference, wheels)?;
         let robot_from_odom = odometry.inverse();
         self.sweep.beams.clear();
-        for (mounting, ping) in self.ring.mountings.iter().zip(&mut self.pings) {
-            let (range_m, no_measurement) = measured(*ping, self.sound_m_s, &self.range_m);
+        for ((mounting, correction), ping) in self.ring.mountings.iter().zip(&self.corrections).zip(&mut self.pings) {
+            let (range_m, no_measurement) = measured(*ping, self.sound_m_s, correction.range_bias_m, &self.range_m);
             let bounce = ping.map(|ping| ping.at + ping.half_flight());
             let then = bounce.and_then(|bounce| track.at(bounce, wheels)).map_or(odometry, |(pose, _)| pose);
             self.sweep.beams.push(Beam {
                 range_m,
                 no_measurement,
                 age_s: ping.map_or(f64::NAN, |ping| reference.seconds_since(ping.at)),
-                robot_from_sensor: robot_from_odom * then * mounting.robot_from_sensor,
+                robot_from_sensor: robot_from_odom * then * mounting.robot_from_sensor * correction.turned,
                 half_angle_rad: mounting.half_angle_rad,
             });
             *ping = None;
@@ -160,6 +199,7 @@ impl Ping {
 fn measured(
     ping: Option<Ping>,
     sound_m_s: f64,
+    bias_m: f64,
     valid_m: &std::ops::RangeInclusive<f64>,
 ) -> (f64, Option<NoMeasurement>) {
     let none = |reason| (f64::NAN, Some(reason));
@@ -168,7 +208,7 @@ fn measured(
         Some(Ping { echo: None, .. }) => none(NoMeasurement::Absent),
         Some(Ping { echo: Some(echo), .. }) => match echo {
             Echo::Flight { us } => {
-                let range_m = 0.5e-6 * f64::from(us) * sound_m_s;
+                let range_m = 0.5e-6 * f64::from(us) * sound_m_s - bias_m;
                 if range_m < *valid_m.start() {
                     (f64::NEG_INFINITY, None)
                 } else if range_m > *valid_m.end() {

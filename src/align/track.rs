@@ -10,8 +10,8 @@ use std::collections::VecDeque;
 /// Metres of travel per encoder tick, and the wheel base.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wheels {
-    /// Metres a wheel rolls per tick.
-    pub metres_per_tick: f64,
+    /// Metres the left and the right wheel roll per tick.
+    pub metres_per_tick: [f64; 2],
     /// Metres between the wheels.
     pub base_m: f64,
 }
@@ -49,8 +49,8 @@ impl Track {
     /// Adds absolute encoder counts latched at `at`. One older than all that is kept is ignored.
     pub fn add(&mut self, at: DeviceTime, left_ticks: i32, right_ticks: i32, wheels: Wheels) {
         let travel = Travel {
-            left_m: self.left.widen(left_ticks) * wheels.metres_per_tick,
-            right_m: self.right.widen(right_ticks) * wheels.metres_per_tick,
+            left_m: self.left.widen(left_ticks) * wheels.metres_per_tick[0],
+            right_m: self.right.widen(right_ticks) * wheels.metres_per_tick[1],
         };
         let place = self.samples.partition_point(|sample| sample.at <= at);
         if place == 0 && !self.samples.is_empty() {
@@ -130,7 +130,7 @@ impl Counter {
 mod tests {
     use super::*;
 
-    const WHEELS: Wheels = Wheels { metres_per_tick: 0.001, base_m: 0.3 };
+    const WHEELS: Wheels = Wheels { metres_per_tick: [0.001; 2], base_m: 0.3 };
 
     #[test]
     fn between_samples_lies_on_the_arc() {

@@ -15,9 +15,9 @@ use std::f64::consts::TAU;
 pub fn raw_map(records: &[Record], ring: &Ring) -> Vec<Point> {
     let config = Config::default();
     let (robot, limits) = (&config.robot, &config.ring);
-    let mut aligner = Aligner::new(limits.min_range_m..=limits.max_range_m, limits.temperature_c);
+    let mut aligner = Aligner::new(limits);
     aligner.set_ring(ring.clone());
-    let metres_per_tick = TAU * robot.wheel_radius_m / f64::from(TICKS_PER_TURN);
+    let metres_per_tick = [TAU * robot.wheel_radius_m / f64::from(TICKS_PER_TURN); 2];
     aligner.set_wheels(Wheels { metres_per_tick, base_m: robot.wheel_base_m });
     let (mut decoder, mut points, mut first) = (FrameDecoder::new(), Vec::new(), None);
     let mut add = |sweep: &Sweep| {

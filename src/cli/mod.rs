@@ -1,10 +1,12 @@
 //! The command line.
 
 mod bench;
+mod calibrate;
 mod doctor;
 mod failure;
 mod import;
 mod inspect;
+mod kept;
 mod monitor;
 mod ports;
 mod replay;
@@ -44,6 +46,7 @@ enum Command {
     Simulate(Box<simulate::SimulateArgs>),
     /// Turn a recording of another robot into a capture.
     Import(import::ImportArgs),
+    Calibrate(calibrate::CalibrateArgs),
     /// Tell what is in a capture: messages, rates, gaps, faults.
     Inspect(inspect::InspectArgs),
     /// List the serial ports and who holds them.
@@ -126,6 +129,7 @@ pub fn main() -> ExitCode {
         Command::Replay(args) => args.run(),
         Command::Simulate(args) => args.run(),
         Command::Import(args) => args.run().map_err(Failure::from),
+        Command::Calibrate(args) => args.run(),
         Command::Inspect(args) => args.run().map_err(Failure::from),
         Command::Ports(args) => args.run(),
         Command::Doctor(args) => args.run(),
@@ -149,6 +153,12 @@ fn log_filter() -> tracing_subscriber::EnvFilter {
 fn seconds(text: &str) -> Result<f64, String> {
     let seconds = text.parse::<f64>().ok().filter(|seconds| (0.0..=1e7).contains(seconds));
     seconds.ok_or_else(|| "it must be seconds from 0 to 10,000,000".into())
+}
+
+/// A standard deviation.
+fn spread(text: &str) -> Result<f64, String> {
+    let spread = text.parse::<f64>().ok().filter(|spread| (0.0..=30.0).contains(spread));
+    spread.ok_or_else(|| "it must be from 0 to 30".into())
 }
 
 /// A probability.

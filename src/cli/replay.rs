@@ -1,5 +1,6 @@
 //! `slamd replay FILE`
 
+use super::kept::KeptArgs;
 use super::{Failure, Kind, OutputArgs, terminal};
 use crate::capture::CaptureReader;
 use crate::config::Config;
@@ -14,33 +15,36 @@ pub(super) struct ReplayArgs {
     /// A capture (MCAP): recorded with --record, simulated or imported.
     file: PathBuf,
     #[command(flatten)]
+    kept: KeptArgs,
+    #[command(flatten)]
     output: OutputArgs,
 }
 
 impl ReplayArgs {
     pub(super) fn run(self) -> Result<(), Failure> {
-        let (mut capture, mut session) = open(&self.file, &self.output)?;
+        let (mut capture, mut session) = open(&self.file, &self.kept, &self.output)?;
         let bar = terminal::progress(None);
         replay(&mut capture, &mut session, |seconds| terminal::show(&bar, seconds))?;
         bar.finish_and_clear();
         if let Some(damage) = capture.damage() {
             tracing::warn!("{}: {damage}; what was readable has been used", self.file.display());
         }
+        let saved = self.kept.save(self.kept.saver(), &session);
         let (summary, faulty) = session.finish()?;
         terminal::report(&summary, &faulty, &self.output.out, self.output.json);
-        Ok(())
+        saved
     }
 }
 
 /// A capture and the session that it is fed to.
-pub(super) fn open(file: &Path, output: &OutputArgs) -> Result<(CaptureReader, Session), Failure> {
+pub(super) fn open(file: &Path, kept: &KeptArgs, output: &OutputArgs) -> Result<(CaptureReader, Session), Failure> {
     let capture = CaptureReader::open(file)?;
     let info = capture.info().clone();
     let embedded = if output.config.is_some() { Ok(Config::default()) } else { Config::from_toml(&info.config_toml) };
     let embedded = embedded.map_err(|error| {
         Failure::new(Kind::Data, format!("{}: its configuration: {error}; give one with --config", file.display()))
     })?;
-    let mut session = Session::new(output.configuration(embedded)?, &output.out)?;
+    let mut session = kept.begin(output.configuration(embedded)?, &output.out)?;
     if let Some(words) = &info.faults {
         let faults: Result<Vec<TrueFault>, _> = words.iter().map(|word| word.parse()).collect();
         let faults = faults.map_err(|error| Failure::new(Kind::Data, format!("{}: {error}", file.display())))?;

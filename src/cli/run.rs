@@ -1,5 +1,6 @@
 //! `slamd --port DEV`, the same as `slamd run --port DEV`
 
+use super::kept::KeptArgs;
 use super::{Failure, Kind, OutputArgs, terminal};
 use crate::capture::CaptureInfo;
 use crate::config::Config;
@@ -9,7 +10,6 @@ use crate::link::Link;
 use crate::port::PortName;
 use crate::publish::Summary;
 use crate::recorder::Recorder;
-use crate::source::session::Session;
 use clap::Args;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -41,6 +41,8 @@ pub(super) struct LiveArgs {
     /// Stop when the port hangs up, instead of waiting for its return.
     #[arg(long)]
     exit_on_hangup: bool,
+    #[command(flatten)]
+    pub(super) kept: KeptArgs,
 }
 
 impl RunArgs {
@@ -60,6 +62,8 @@ pub(super) struct End {
     faulty: Vec<FaultEvent>,
     /// Chunks that the recording lacks.
     missing: u64,
+    /// What the next session begins with.
+    saved: Result<(), Failure>,
     result: Result<(), DaemonError>,
 }
 
@@ -70,6 +74,7 @@ impl End {
         if self.missing > 0 {
             tracing::error!("{} chunks are missing from the recording", self.missing);
         }
+        self.saved?;
         Ok(self.result?)
     }
 }
@@ -92,19 +97,21 @@ impl LiveArgs {
         let Some(port) = port.map_err(|trouble| Failure::new(Kind::Unavailable, trouble.to_string()))? else {
             return Ok(None);
         };
+        let mut session = self.kept.begin(config.clone(), &output.out)?;
+        let mut saver = self.kept.saver();
         let (begin, info) = begin(&config);
         let mut recorder = match &self.record {
             Some(path) => Some(Recorder::begin(path, &info).map_err(Failure::creating)?),
             None => None,
         };
-        let mut session = Session::new(config, &output.out)?;
-        let live = Live { begin, session: &mut session, recorder: &mut recorder };
+        let live = Live { begin, session: &mut session, recorder: &mut recorder, saver: &mut saver };
         let run = daemon::run(options, port, &mut link, shutdown, live, observe);
         let result = runtime.block_on(run);
         // Whatever went wrong, the map is kept.
+        let saved = self.kept.save(saver, &session);
         let (summary, faulty) = session.finish()?;
         let missing = recorder.map_or(Ok(0), Recorder::finish)?;
-        Ok(Some(End { summary, faulty, missing, result }))
+        Ok(Some(End { summary, faulty, missing, saved, result }))
     }
 }
 

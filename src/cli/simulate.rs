@@ -39,6 +39,12 @@ pub(super) struct SimulateArgs {
     /// Scale of the odometry's errors: 0 is perfect.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     odometry_errors: f64,
+    /// Standard deviation of the sensors' range biases, drawn from the seed.
+    #[arg(long, value_name = "METRES", default_value = "0", value_parser = super::spread)]
+    range_bias: f64,
+    /// Standard deviation of the sensors' turns out of their drawn directions, drawn from the seed.
+    #[arg(long, value_name = "DEGREES", default_value = "0", value_parser = super::spread)]
+    bearing_offset: f64,
     /// How far the board's clock is off, parts per million.
     #[arg(long, value_name = "PPM", default_value_t = 300.0)]
     clock_drift: f64,
@@ -81,7 +87,8 @@ impl SimulateArgs {
             odometry_errors: self.odometry_errors,
             clock_drift_ppm: self.clock_drift,
             link: LinkFaults { bit_flips: self.bit_errors, drops: self.byte_drops, insertions: self.byte_insertions },
-        });
+        })
+        .with_misfits(self.range_bias, self.bearing_offset.to_radians());
         match (&self.capture, &self.pty) {
             (Some(path), _) => self.write(simulation, path),
             (None, Some(name)) => pty::serve(simulation, name)
@@ -96,7 +103,10 @@ impl SimulateArgs {
             protocol_version: format!("{}.{}", slamd_protocol::VERSION_MAJOR, slamd_protocol::VERSION_MINOR),
             config_toml: Config::default().to_toml(),
             unix_zero_us: None,
-            notes: format!("slamd simulate --world {} --seed {} --duration {}", self.world, self.seed, self.duration),
+            notes: format!(
+                "slamd simulate --world {} --seed {} --duration {} --range-bias {} --bearing-offset {}",
+                self.world, self.seed, self.duration, self.range_bias, self.bearing_offset
+            ),
             faults: Some(simulation.faults().iter().map(ToString::to_string).collect()),
         };
         let mut capture = CaptureWriter::create(path, &info).map_err(Failure::creating)?;

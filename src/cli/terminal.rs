@@ -10,7 +10,7 @@ use std::path::Path;
 pub(super) fn progress(seconds: Option<f64>) -> ProgressBar {
     let bar = match seconds {
         Some(seconds) => ProgressBar::new(tenths(seconds)).with_style(style("{bar:40} {percent}% {msg}")),
-        None => ProgressBar::new_spinner().with_style(style("{spinner} {msg}")),
+        None => ProgressBar::new_spinner().with_style(style("{spinner} {prefix} {msg}")),
     };
     bar.set_draw_target(indicatif::ProgressDrawTarget::stderr());
     bar

@@ -8,6 +8,7 @@ use super::pca::{PcaBlock, trust};
 use super::suspicion::{Evidence, Suspicion};
 use crate::event::{Event, FaultEvent, SensorState};
 use crate::geometry::Ring;
+use crate::memory::{Impossible, SensorMemory};
 use crate::sweep::{Beam, NoMeasurement, Sweep};
 
 /// Watches all sensors.
@@ -58,6 +59,28 @@ impl Detector {
     #[must_use]
     pub fn states(&self) -> &[SensorState] {
         &self.states
+    }
+
+    /// What is known of the sensors, by id.
+    #[must_use]
+    pub fn memory(&self) -> Vec<SensorMemory> {
+        self.sensors.iter().map(Suspicion::memory).collect()
+    }
+
+    /// Takes over what was known of the sensors; each keeps its state until its readings speak against it.
+    ///
+    /// # Errors
+    /// Where a sensor was as no sensor can be.
+    pub fn restore(&mut self, sensors: &[SensorMemory]) -> Result<(), Impossible> {
+        // All are looked at: the ring may become known later.
+        let remembered = sensors.iter().map(Suspicion::restore).collect::<Result<Vec<_>, _>>()?;
+        for (suspicion, remembered) in self.sensors.iter_mut().zip(remembered) {
+            *suspicion = remembered;
+        }
+        for (state, SensorMemory { state: remembered, .. }) in self.states.iter_mut().zip(sensors) {
+            *state = *remembered;
+        }
+        Ok(())
     }
 
     /// True where the sensor's readings may be used.

@@ -7,6 +7,7 @@
 
 use super::neighbours::Seen;
 use crate::event::{FaultKind, SensorState};
+use crate::memory::{Impossible, SensorMemory};
 use crate::sweep::NoMeasurement;
 
 /// What one sweep says of one sensor.
@@ -101,6 +102,28 @@ impl Default for Suspicion {
 }
 
 impl Suspicion {
+    /// What is worth remembering of the trial: the verdict, and how often it was overturned.
+    #[must_use]
+    pub fn memory(&self) -> SensorMemory {
+        SensorMemory { state: self.state, relapses: self.relapses }
+    }
+
+    /// The trial taken up again: a sensor just convicted, or one without any evidence against it.
+    ///
+    /// # Errors
+    /// Where the relapses are none that a sensor can have.
+    pub fn restore(&SensorMemory { state, relapses }: &SensorMemory) -> Result<Self, Impossible> {
+        let least = if state == SensorState::Healthy { 0.0 } else { 1.0 };
+        if !(least..=MOST_RELAPSES).contains(&relapses) {
+            return Err(Impossible("a sensor was convicted more or less often than any can be"));
+        }
+        let mut suspicion = Self { state, relapses, ..Self::default() };
+        if let SensorState::Faulty(kind) = state {
+            suspicion.ratios[place(kind)] = CONVICT;
+        }
+        Ok(suspicion)
+    }
+
     /// Adds one sweep's evidence.
     pub fn weigh(&mut self, evidence: &Evidence) {
         let range_m = evidence.range_m;
@@ -280,6 +303,21 @@ mod tests {
         let (sweeps, state) = until_changed(&mut healthy(), |_| evidence(f64::NAN));
         assert_eq!(state, SensorState::Faulty(FaultKind::Missing));
         assert!((2..=4).contains(&sweeps), "{sweeps}");
+    }
+
+    #[test]
+    fn a_restored_sensor_keeps_its_state_until_its_readings_speak_against_it() {
+        for kind in KINDS {
+            let memory = SensorMemory { state: SensorState::Faulty(kind), relapses: 1.5 };
+            let mut restored = Suspicion::restore(&memory).unwrap();
+            assert_eq!((restored.memory(), restored.verdict()), (memory, memory.state));
+            let calm = |count: usize| evidence(1.0 + 0.01 * count as f64);
+            assert_eq!(until_changed(&mut restored, calm).1, SensorState::Healthy, "{kind:?}");
+        }
+        for relapses in [f64::NAN, -1.0, 0.5, 4.0] {
+            let memory = SensorMemory { state: SensorState::Faulty(FaultKind::Noisy), relapses };
+            assert!(Suspicion::restore(&memory).is_err(), "{relapses}");
+        }
     }
 
     #[test]

@@ -5,6 +5,7 @@
 
 use super::raster::Raster;
 use crate::geometry::Point;
+use crate::memory::{Impossible, MapMemory, TileMemory};
 use std::collections::HashMap;
 
 /// Cells along a tile's side.
@@ -12,6 +13,8 @@ const SIDE: i32 = 32;
 const TILE: usize = SIDE.unsigned_abs() as usize;
 /// Tiles at most: 10,000 m² of 5 cm cells take about 4,000.
 const MAX_TILES: usize = 16_384;
+/// A restored map reaches no farther, in tiles: 800 m of 5 cm cells.
+const FARTHEST_TILE: u32 = 500;
 /// Log-odds are clamped here, in hundredths: p from 0.04 to 0.98.
 const FLOOR: i16 = -320;
 const CEILING: i16 = 400;
@@ -175,6 +178,43 @@ impl OccupancyGrid {
         self.place(tile_of(cell)).map_or(0, |tile| self.tiles[tile].cells[place_in_tile(cell)])
     }
 
+    /// The tiles as plain numbers, in the order of their places.
+    #[must_use]
+    pub fn memory(&self) -> MapMemory {
+        let mut places: Vec<_> = self.places.iter().collect();
+        places.sort_unstable();
+        let tile = |(&(column, row), &place): (&(i32, i32), &usize)| {
+            let Tile { cells, facing, .. } = &self.tiles[place];
+            TileMemory { column, row, log_odds: cells.to_vec(), facing: facing.to_vec() }
+        };
+        MapMemory { cell_m: self.cell_m, tiles: places.into_iter().map(tile).collect() }
+    }
+
+    /// The grid that wrote the memory.
+    ///
+    /// # Errors
+    /// Where cells or tiles are none that a grid could have.
+    pub fn restore(memory: &MapMemory) -> Result<Self, Impossible> {
+        if !(0.005..=1.0).contains(&memory.cell_m) || memory.tiles.len() > MAX_TILES {
+            return Err(Impossible("the map's cells are of no usable size or number"));
+        }
+        let mut grid = Self::new(memory.cell_m);
+        for tile in &memory.tiles {
+            let (Ok(cells), Ok(facing)) = (tile.log_odds[..].try_into(), tile.facing[..].try_into()) else {
+                return Err(Impossible("a tile of the map is not whole"));
+            };
+            let is_near = tile.column.unsigned_abs().max(tile.row.unsigned_abs()) < FARTHEST_TILE;
+            if !is_near || tile.log_odds.iter().any(|value| !(FLOOR..=CEILING).contains(value)) {
+                return Err(Impossible("a tile of the map holds what no tile can"));
+            }
+            if grid.places.insert((tile.column, tile.row), grid.tiles.len()).is_some() {
+                return Err(Impossible("a tile of the map is there twice"));
+            }
+            grid.tiles.push(Tile { cells, facing, revision: 0 });
+        }
+        Ok(grid)
+    }
+
     /// Where the tile of that key is.
     fn place(&self, key: (i32, i32)) -> Option<usize> {
         match self.recent {
@@ -298,6 +338,21 @@ mod tests {
         grid.add(second, 10);
         assert_eq!(grid.changed_since(revision).collect::<Vec<_>>(), [Cell { column: 32, row: 0 }]);
         assert_eq!(grid.changed_since(0).count(), 2);
+    }
+
+    #[test]
+    fn a_restored_grid_knows_what_it_knew() {
+        let mut grid = OccupancyGrid::new(0.05);
+        for (column, facing) in [(40, Facing::X), (-3, Facing::Y)] {
+            grid.add(Cell { column, row: -70 }, 90);
+            grid.face(Cell { column, row: -70 }, facing);
+        }
+        let restored = OccupancyGrid::restore(&grid.memory()).unwrap();
+        assert_eq!(restored.memory(), grid.memory());
+        assert_eq!(restored.facing(Cell { column: -3, row: -70 }), Some(Facing::Y));
+        let mut far = grid.memory();
+        far.tiles[0].column = i32::MIN;
+        assert!(OccupancyGrid::restore(&far).is_err());
     }
 
     #[test]

@@ -6,12 +6,10 @@
 //! Hough transform ([`super::axis`]) gather best.
 
 use super::axis::{Axis, AxisFinder};
+use crate::event::Calibration;
 use crate::geometry::Pose2;
 use crate::sweep::Sweep;
 
-/// One standard deviation of the wheel ratio and of the wheel base as configured, relative.
-const RATIO_SIGMA: f64 = 0.012;
-const BASE_SIGMA: f64 = 0.025;
 /// Logarithm of the votes' strength that a deviation of one sigma must gain twice over.
 const PRIOR: f64 = 0.02;
 /// The search looks this many sigmas around the best so far: first far, then between.
@@ -25,8 +23,8 @@ type Deviation = [f64; 2];
 /// The building's axis in the frame of the robot at the first of `sweeps`; none without returns.
 ///
 /// `finder` is left holding the returns of the last try.
-pub fn find(finder: &mut AxisFinder, sweeps: &[Sweep], wheel_base_m: f64) -> Option<Axis> {
-    let mut best = attempt(finder, sweeps, wheel_base_m, [0.0; 2])?;
+pub fn find(finder: &mut AxisFinder, sweeps: &[Sweep], wheels: &Calibration) -> Option<Axis> {
+    let mut best = attempt(finder, sweeps, wheels, [0.0; 2])?;
     for reach in ROUNDS {
         let [ratio, base] = best.deviation;
         for (i, j) in [-1.0, 0.0, 1.0].into_iter().flat_map(|i| [-1.0, 0.0, 1.0].map(|j| (i, j))) {
@@ -34,7 +32,7 @@ pub fn find(finder: &mut AxisFinder, sweeps: &[Sweep], wheel_base_m: f64) -> Opt
                 continue;
             }
             let deviation = [ratio + i * reach, base + j * reach];
-            if let Some(other) = attempt(finder, sweeps, wheel_base_m, deviation)
+            if let Some(other) = attempt(finder, sweeps, wheels, deviation)
                 && other.worth > best.worth
             {
                 best = other;
@@ -51,8 +49,9 @@ struct Attempt {
     worth: f64,
 }
 
-fn attempt(finder: &mut AxisFinder, sweeps: &[Sweep], wheel_base_m: f64, deviation: Deviation) -> Option<Attempt> {
-    let [ratio, base] = [deviation[0] * RATIO_SIGMA, deviation[1] * BASE_SIGMA];
+fn attempt(finder: &mut AxisFinder, sweeps: &[Sweep], wheels: &Calibration, deviation: Deviation) -> Option<Attempt> {
+    let ratio = deviation[0] * wheels.wheel_ratio_sigma;
+    let base_m = wheels.wheel_base_m + deviation[1] * wheels.wheel_base_sigma_m;
     let returns: usize = sweeps.iter().map(|sweep| sweep.beams.len()).sum();
     let stride = returns.div_ceil(MOST_RETURNS).max(1);
     finder.clear();
@@ -60,7 +59,7 @@ fn attempt(finder: &mut AxisFinder, sweeps: &[Sweep], wheel_base_m: f64, deviati
     for (place, sweep) in sweeps.iter().enumerate() {
         if place > 0 {
             let [left_m, right_m] = [sweep.left_m * (1.0 - 0.5 * ratio), sweep.right_m * (1.0 + 0.5 * ratio)];
-            pose = pose.rolled(left_m, right_m, wheel_base_m * (1.0 + base));
+            pose = pose.rolled(left_m, right_m, base_m);
         }
         if place.is_multiple_of(stride) {
             sweep.beams.iter().for_each(|beam| finder.add(pose, beam));

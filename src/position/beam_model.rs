@@ -19,6 +19,12 @@ impl Side {
     /// +x, +y, −x, −y.
     pub const ALL: [Self; 4] = [Self(0), Self(1), Self(2), Self(3)];
 
+    /// Its number in [`Self::ALL`].
+    #[must_use]
+    pub const fn index(self) -> u8 {
+        self.0
+    }
+
     /// Direction from the robot to the wall, radians.
     #[must_use]
     pub fn normal_rad(self) -> f64 {

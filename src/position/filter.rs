@@ -2,7 +2,7 @@
 //!
 //! | symbol | meaning |
 //! |---|---|
-//! | x | state: x, y (m), theta (rad), `k_r` wheel ratio − 1, `k_b` wheel base error, then one offset (m) per wall |
+//! | x | state: x, y (m), theta (rad), `k_r`, `k_b` relative errors of the configured wheel ratio and wheel base, then one offset (m) per wall |
 //! | P | covariance of x |
 //! | F, Q | motion: how the old state moves the new one, and the noise of the wheels |
 //! | H, R | measurement: how the state moves the expected distance, and the noise of the distance |
@@ -20,25 +20,22 @@ pub const ROBOT: usize = 5;
 /// Walls that the filter holds at most.
 pub const MAX_WALLS: usize = 160;
 
-type Robot = SVector<f64, ROBOT>;
+pub(super) type Robot = SVector<f64, ROBOT>;
 
 /// Random error of a wheel's travel: variance per metre rolled, m.
 const WHEEL_NOISE_M: f64 = 3.5e-5;
-/// One standard deviation of the wheel ratio and the wheel base as configured.
-const RATIO_SIGMA: f64 = 0.012;
-const BASE_SIGMA: f64 = 0.025;
 /// Wheels wear and carpets differ: variance of both per metre rolled.
 const WHEEL_DRIFT_M: f64 = 2e-8;
 
 /// The filter's state and covariance.
 #[derive(Clone, Debug)]
 pub struct Filter {
-    robot: Robot,
-    offsets: Vec<f64>,
-    robot_cov: SMatrix<f64, ROBOT, ROBOT>,
-    cross: Vec<Robot>,
-    wall_cov: Vec<f64>,
-    nominal_base_m: f64,
+    pub(super) robot: Robot,
+    pub(super) offsets: Vec<f64>,
+    pub(super) robot_cov: SMatrix<f64, ROBOT, ROBOT>,
+    pub(super) cross: Vec<Robot>,
+    pub(super) wall_cov: Vec<f64>,
+    pub(super) nominal: Calibration,
     column: Vec<f64>,
 }
 
@@ -56,17 +53,19 @@ pub struct Measurement {
 }
 
 impl Filter {
-    /// A filter at a pose whose heading is known to `heading_sigma_rad`; the position is the origin by definition.
+    /// A filter at a pose whose heading is known to `heading_sigma_rad`; the position is the origin by definition. The
+    /// wheels are `nominal` as far as its standard deviations say.
     #[must_use]
-    pub fn new(pose: Pose2, heading_sigma_rad: f64, nominal_base_m: f64) -> Self {
-        let sigmas = Robot::new(1e-4, 1e-4, heading_sigma_rad, RATIO_SIGMA, BASE_SIGMA);
+    pub fn new(pose: Pose2, heading_sigma_rad: f64, nominal: Calibration) -> Self {
+        let base_sigma = nominal.wheel_base_sigma_m / nominal.wheel_base_m;
+        let sigmas = Robot::new(1e-4, 1e-4, heading_sigma_rad, nominal.wheel_ratio_sigma, base_sigma);
         Self {
             robot: Robot::new(pose.x_m, pose.y_m, pose.theta_rad, 0.0, 0.0),
             offsets: Vec::with_capacity(MAX_WALLS),
             robot_cov: SMatrix::from_diagonal(&sigmas.component_mul(&sigmas)),
             cross: Vec::with_capacity(MAX_WALLS),
             wall_cov: vec![0.0; MAX_WALLS * MAX_WALLS],
-            nominal_base_m,
+            nominal,
             column: vec![0.0; MAX_WALLS],
         }
     }
@@ -105,16 +104,16 @@ impl Filter {
     #[must_use]
     pub fn calibration(&self) -> Calibration {
         Calibration {
-            wheel_ratio: (1.0 + 0.5 * self.robot[3]) / (1.0 - 0.5 * self.robot[3]),
+            wheel_ratio: self.nominal.wheel_ratio * (1.0 + 0.5 * self.robot[3]) / (1.0 - 0.5 * self.robot[3]),
             wheel_ratio_sigma: self.robot_cov[(3, 3)].sqrt(),
-            wheel_base_m: self.nominal_base_m * (1.0 + self.robot[4]),
-            wheel_base_sigma_m: self.nominal_base_m * self.robot_cov[(4, 4)].sqrt(),
+            wheel_base_m: self.nominal.wheel_base_m * (1.0 + self.robot[4]),
+            wheel_base_sigma_m: self.nominal.wheel_base_m * self.robot_cov[(4, 4)].sqrt(),
         }
     }
 
     /// Predicts the pose after the wheels have rolled by `left_m` and `right_m` as the configured wheels would.
     pub fn predict(&mut self, left_m: f64, right_m: f64) {
-        let [ratio, base] = [self.robot[3], self.nominal_base_m * (1.0 + self.robot[4])];
+        let [ratio, base] = [self.robot[3], self.nominal.wheel_base_m * (1.0 + self.robot[4])];
         let left = left_m * (1.0 - 0.5 * ratio);
         let right = right_m * (1.0 + 0.5 * ratio);
         let turn = (right - left) / base;
@@ -264,8 +263,11 @@ impl Filter {
 mod tests {
     use super::*;
 
+    const WHEELS: Calibration =
+        Calibration { wheel_ratio: 1.0, wheel_ratio_sigma: 0.012, wheel_base_m: 0.26, wheel_base_sigma_m: 0.0065 };
+
     fn busy_filter() -> Filter {
-        let mut filter = Filter::new(Pose2::new(0.0, 0.0, 0.3), 0.05, 0.26);
+        let mut filter = Filter::new(Pose2::new(0.0, 0.0, 0.3), 0.05, WHEELS);
         filter.predict(0.10, 0.12);
         for (i, offset) in [2.0, -1.5, 3.0].into_iter().enumerate() {
             let axis = if i % 2 == 0 { 0 } else { 1 };
@@ -336,14 +338,14 @@ mod tests {
     fn motion_jacobian_equals_finite_differences() {
         let jacobian_column = |index: usize| {
             let run = |delta: f64| {
-                let mut filter = Filter::new(Pose2::new(1.0, 2.0, 0.4), 0.05, 0.26);
+                let mut filter = Filter::new(Pose2::new(1.0, 2.0, 0.4), 0.05, WHEELS);
                 filter.robot[index] += delta;
                 filter.predict(0.05, 0.08);
                 filter.robot
             };
             (run(1e-6) - run(-1e-6)) / 2e-6
         };
-        let mut filter = Filter::new(Pose2::new(1.0, 2.0, 0.4), 0.05, 0.26);
+        let mut filter = Filter::new(Pose2::new(1.0, 2.0, 0.4), 0.05, WHEELS);
         filter.robot_cov = SMatrix::identity();
         filter.predict(0.05, 0.08);
         // With P = 1 the prediction gives F Fᵀ + Q; Q is four orders smaller.

@@ -2,8 +2,11 @@
 
 pub mod beam_model;
 pub mod filter;
+mod filter_memory;
 pub mod lock;
 pub mod nursery;
 pub mod paper_ekf;
 pub mod relock;
 pub mod tracker;
+mod tracker_lock;
+mod tracker_memory;

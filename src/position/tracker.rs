@@ -4,7 +4,7 @@ use super::beam_model::{Side, Sighting, sight};
 use super::filter::{Filter, MAX_WALLS, Measurement, ROBOT};
 use super::lock::LockWatch;
 use super::nursery::Nursery;
-use super::relock::KnownWall;
+use crate::event::Calibration;
 use crate::geometry::{Pose2, wrap_angle};
 use crate::sweep::{Beam, Sweep};
 use nalgebra::SVector;
@@ -20,16 +20,17 @@ pub struct Wall {
     pub hi_m: f64,
     /// Sweeps that have seen it.
     pub hits: u32,
-    last_sweep: u64,
-    first_sweep: u64,
+    pub(super) last_sweep: u64,
+    /// The sweep that it was learnt from; none where an earlier run knew it.
+    pub(super) first_sweep: Option<u64>,
 }
 
 /// A wall out of the filter's sight, with its offset and variance as they were.
 #[derive(Clone, Copy, Debug)]
-struct Parked {
-    wall: Wall,
-    offset_m: f64,
-    variance: f64,
+pub(super) struct Parked {
+    pub(super) wall: Wall,
+    pub(super) offset_m: f64,
+    pub(super) variance: f64,
 }
 
 /// What became of a beam.
@@ -48,13 +49,15 @@ pub enum Use {
 pub struct Tracker {
     /// The filter over pose, wheels and walls.
     pub filter: Filter,
-    walls: Vec<Wall>,
-    parked: Vec<Parked>,
-    nursery: Nursery,
-    uses: Vec<Use>,
+    pub(super) walls: Vec<Wall>,
+    pub(super) parked: Vec<Parked>,
+    /// True where the walls are known and none is learnt or changed.
+    pub(super) is_fixed: bool,
+    pub(super) nursery: Nursery,
+    pub(super) uses: Vec<Use>,
     matches: Vec<Option<usize>>,
     expected: Vec<Option<f64>>,
-    watch: LockWatch,
+    pub(super) watch: LockWatch,
     nis: f64,
 }
 
@@ -64,13 +67,15 @@ const GATE_SIGMA: f64 = 2.2;
 const MOST_OBLIQUE_RAD: f64 = 30.0 * std::f64::consts::PI / 180.0;
 /// Walls are not that flat, and sounds not that straight: floor of one wall's fused noise, metres.
 const MODEL_SIGMA_M: f64 = 0.008;
+/// The same where the walls are those of another drive, which knew them no better.
+const FIXED_SIGMA_M: f64 = 0.025;
 /// The same for a turn read off the walls, radians, and how far off a reading may be.
 const TURN_SIGMA_RAD: f64 = 0.3 * std::f64::consts::PI / 180.0;
 const TURN_GATE_SIGMA: f64 = 4.0;
 /// A wall may be heard this far beyond where it has been seen.
 const MARGIN_M: f64 = 0.15;
 /// Sweeps that must have seen a wall before anything is expected of it.
-const WELL_KNOWN: u32 = 15;
+pub(super) const WELL_KNOWN: u32 = 15;
 /// Two sightings of one side nearer than this, and within the gate, are one wall.
 const SAME_WALL_M: f64 = 0.07;
 const SAME_GAP_M: f64 = 0.6;
@@ -79,18 +84,15 @@ const PARK_M: f64 = 6.0;
 const UNPARK_M: f64 = 4.5;
 /// Walls that many places must stay free for.
 const SPARE: usize = 12;
-/// What a place found anew is worth.
-const RELOCK_SIGMA_M: f64 = 0.05;
-const RELOCK_SIGMA_RAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
-
 impl Tracker {
     /// A tracker for a robot at `pose` in the building frame.
     #[must_use]
-    pub fn new(pose: Pose2, heading_sigma_rad: f64, nominal_base_m: f64) -> Self {
+    pub fn new(pose: Pose2, heading_sigma_rad: f64, nominal: Calibration) -> Self {
         Self {
-            filter: Filter::new(pose, heading_sigma_rad, nominal_base_m),
+            filter: Filter::new(pose, heading_sigma_rad, nominal),
             walls: Vec::with_capacity(MAX_WALLS),
             parked: Vec::new(),
+            is_fixed: false,
             nursery: Nursery::default(),
             uses: Vec::new(),
             matches: Vec::new(),
@@ -156,41 +158,6 @@ impl Tracker {
         nearest
     }
 
-    /// Whether what is heard agrees with the walls.
-    #[must_use]
-    pub fn watch(&self) -> &LockWatch {
-        &self.watch
-    }
-
-    /// Every well-known wall that was learnt before the sweep `until`.
-    #[must_use]
-    pub fn known_walls(&self, until: u64) -> Vec<KnownWall> {
-        let known = |wall: &Wall, offset_m| KnownWall { side: wall.side, offset_m, lo_m: wall.lo_m, hi_m: wall.hi_m };
-        let active = self.walls.iter().enumerate().map(|(index, wall)| (wall, self.filter.offset_m(index)));
-        let all = active.chain(self.parked.iter().map(|parked| (&parked.wall, parked.offset_m)));
-        all.filter(|(wall, _)| wall.hits >= WELL_KNOWN && wall.first_sweep < until)
-            .map(|(wall, offset_m)| known(wall, offset_m))
-            .collect()
-    }
-
-    /// The robot is elsewhere: what was learnt from the sweep `since` on is void.
-    pub fn relocate(&mut self, pose: Pose2, since: u64) {
-        for wall in (0..self.walls.len()).rev() {
-            if self.walls[wall].first_sweep >= since {
-                self.walls.swap_remove(wall);
-                self.filter.remove(wall);
-            }
-        }
-        self.nursery.clear();
-        self.uses.clear();
-        self.filter.relocate(pose, RELOCK_SIGMA_M, RELOCK_SIGMA_RAD);
-    }
-
-    /// Forgets what contradicted the map.
-    pub fn trust_anew(&mut self) {
-        self.watch = LockWatch::default();
-    }
-
     /// Corrects the pose with the beams that `is_trusted`, and where `may_learn`, learns walls from those that no wall explains.
     pub fn correct(&mut self, sweep: &Sweep, may_learn: bool, is_trusted: impl Fn(usize) -> bool) {
         self.uses.clear();
@@ -228,11 +195,19 @@ impl Tracker {
             }
         }
         self.nis = nis_sum / seen;
-        if may_learn && !self.watch.is_doubtful() {
-            self.learn(sweep);
+        if !self.is_fixed {
+            if may_learn && !self.watch.is_doubtful() {
+                self.learn(sweep);
+            }
+            self.merge();
         }
-        self.merge();
         self.park();
+    }
+
+    /// Variance of a wall's fused noise.
+    fn model_variance(&self) -> f64 {
+        let sigma_m = if self.is_fixed { FIXED_SIGMA_M } else { MODEL_SIGMA_M };
+        sigma_m * sigma_m
     }
 
     /// The wall that explains a sighting best, within the gate.
@@ -247,7 +222,7 @@ impl Tracker {
                 continue;
             }
             let measurement = self.measure(sighting, index);
-            let variance = self.filter.innovation_variance(&measurement) + MODEL_SIGMA_M * MODEL_SIGMA_M;
+            let variance = self.filter.innovation_variance(&measurement) + self.model_variance();
             let distance = measurement.innovation * measurement.innovation / variance;
             if distance < GATE_SIGMA * GATE_SIGMA && best.is_none_or(|(least, _)| distance < least) {
                 best = Some((distance, index));
@@ -302,7 +277,7 @@ impl Tracker {
             weight += 1.0 / measurement.variance;
             innovation += measurement.innovation / measurement.variance;
             robot += measurement.robot / measurement.variance;
-            if sighting.oblique_rad < 0.1 {
+            if sighting.oblique_rad < 0.1 && !self.is_fixed {
                 let extent = &mut self.walls[wall];
                 extent.lo_m = extent.lo_m.min(sighting.along_m);
                 extent.hi_m = extent.hi_m.max(sighting.along_m);
@@ -312,7 +287,7 @@ impl Tracker {
             innovation: innovation / weight,
             robot: robot / weight,
             wall: (wall, self.walls[wall].side.sign()),
-            variance: 1.0 / weight + MODEL_SIGMA_M * MODEL_SIGMA_M,
+            variance: 1.0 / weight + self.model_variance(),
         })
     }
 
@@ -327,7 +302,7 @@ impl Tracker {
             let by_robot = sighting.by_robot * -sighting.side.sign();
             if self.filter.add(new.offset_m, &by_robot, MODEL_SIGMA_M * MODEL_SIGMA_M * 2.0).is_some() {
                 let (lo_m, hi_m, now) = (new.lo_m, new.hi_m, sweep.index);
-                let wall = Wall { side: new.side, lo_m, hi_m, hits: 1, last_sweep: now, first_sweep: now };
+                let wall = Wall { side: new.side, lo_m, hi_m, hits: 1, last_sweep: now, first_sweep: Some(now) };
                 self.walls.push(wall);
             }
         }

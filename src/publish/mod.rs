@@ -10,10 +10,10 @@ mod track;
 mod trajectory;
 
 pub use picture::{Curve, Plot};
-pub use summary::{Summary, WheelCalibration};
+pub use summary::Summary;
 
 use crate::config::Config;
-use crate::event::{Counters, Event, SensorState};
+use crate::event::{Calibration, Counters, Event, PositionEvent, SensorState};
 use crate::geometry::{Pose2, Ring};
 use crate::mapping::raster::Raster;
 use crate::metrics::{AccuracyMeter, FaultMeter, TrueFault};
@@ -52,7 +52,7 @@ pub struct FinalState<'a> {
     /// What was counted.
     pub counters: Counters,
     /// The wheels, where the method estimates them.
-    pub calibration: Option<WheelCalibration>,
+    pub calibration: Option<Calibration>,
 }
 
 /// The files of one run. Trajectories and faults are written while it goes on, as `NAME.part`; memory stays constant.
@@ -70,6 +70,7 @@ pub struct Outputs {
     pose: Pose2,
     accuracy: AccuracyMeter,
     faults: Option<FaultMeter>,
+    position: Option<PositionEvent>,
     timings: Timings,
 }
 
@@ -94,6 +95,7 @@ impl Outputs {
             pose: Pose2::default(),
             accuracy: AccuracyMeter::default(),
             faults: None,
+            position: None,
             timings: Timings::new(),
         })
     }
@@ -129,6 +131,7 @@ impl Outputs {
                     faults.fault(fault);
                 }
             }
+            Event::Position(position) => self.position = Some(position.clone()),
             Event::Board { .. }
             | Event::Ring { .. }
             | Event::BoardLog { .. }
@@ -166,6 +169,7 @@ impl Outputs {
     pub fn finish(self, state: &FinalState<'_>) -> Result<Summary, PublishError> {
         let mut summary = Summary::new(state.counters);
         summary.calibration = state.calibration;
+        summary.position.clone_from(&self.position);
         summary.accuracy = self.accuracy.accuracy();
         (summary.lock_losses, summary.uncertain_s) = (self.lock_log.losses(), self.lock_log.uncertain_s());
         summary.faults = self.faults.as_ref().map(FaultMeter::score);

@@ -1,6 +1,6 @@
 //! `summary.json`: a run in a few numbers, keys always in the same order.
 
-use crate::event::Counters;
+use crate::event::{Calibration, Counters, PositionEvent};
 use crate::metrics::{Accuracy, FaultScore};
 use hdrhistogram::Histogram;
 use serde::Serialize;
@@ -30,22 +30,15 @@ pub struct Summary {
     /// SHA-256 of `map.pgm`.
     pub map_sha256: String,
     /// The wheels as the run found them; none where the method does not estimate them.
-    pub calibration: Option<WheelCalibration>,
+    pub calibration: Option<Calibration>,
+    /// What is known of the place in a known map; none where it was not sought.
+    pub position: Option<PositionEvent>,
     /// Errors against the true path, where it is known.
     #[serde(flatten)]
     pub accuracy: Option<Accuracy>,
     /// The fault detector against the true faults, where they are known.
     #[serde(flatten)]
     pub faults: Option<FaultScore>,
-}
-
-/// The wheels as a run found them.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct WheelCalibration {
-    /// Radius of the right wheel divided by that of the left.
-    pub wheel_ratio: f64,
-    /// Distance between the wheels, metres.
-    pub wheel_base_m: f64,
 }
 
 impl Summary {
@@ -62,6 +55,7 @@ impl Summary {
             trajectory_sha256: String::new(),
             map_sha256: String::new(),
             calibration: None,
+            position: None,
             accuracy: None,
             faults: None,
         }

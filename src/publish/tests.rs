@@ -104,7 +104,7 @@ fn without_truth_the_summary_has_no_errors() {
         ring: &Ring::default(),
         states: &[],
         counters: Counters::default(),
-        calibration: Some(WheelCalibration { wheel_ratio: 1.01, wheel_base_m: 0.26 }),
+        calibration: Some(Calibration { wheel_ratio: 1.01, wheel_base_m: 0.26, ..Calibration::default() }),
     };
     let text = Outputs::create(folder.path()).unwrap().finish(&state).unwrap().to_json();
     assert!(!text.contains("ate_m") && !text.contains("fault_") && text.contains("\"wheel_ratio\": 1.01"), "{text}");

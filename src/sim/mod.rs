@@ -8,6 +8,7 @@ pub mod explore;
 pub mod fault;
 pub mod floor_plan;
 pub mod link;
+pub mod misfit;
 pub mod random;
 pub mod robot;
 pub mod route;

@@ -24,6 +24,8 @@ pub enum Stream {
     Board,
     /// Jitter and faults of the serial line.
     Link,
+    /// How each sensor differs from its drawing.
+    Mounting,
 }
 
 /// One stream of random numbers.

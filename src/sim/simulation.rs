@@ -4,6 +4,7 @@ use super::board::{Board, SLOT_US};
 use super::explore::Explorer;
 use super::fault::{FaultMix, Faults, Reading, SensorFault};
 use super::link::{Link, LinkFaults};
+use super::misfit::Misfit;
 use super::random::{Random, Stream};
 use super::robot::{Robot, STEP_S, STEP_US, Twist};
 use super::sonar::{BeamShape, reading};
@@ -64,6 +65,8 @@ pub struct Simulation {
     robot: Robot,
     explorer: Explorer,
     sonar_noise: Random,
+    misfits: Vec<Misfit>,
+    seed: u64,
     faults: Faults,
     board: Board,
     link: Link,
@@ -92,6 +95,8 @@ impl Simulation {
             robot: Robot::new(start, config.odometry_errors, random(Stream::Robot)),
             explorer: Explorer::new(&config.world, random(Stream::Explore)),
             sonar_noise: random(Stream::Sonar),
+            misfits: vec![Misfit::default(); usize::from(config.sensors)],
+            seed: config.seed,
             faults: Faults::new(schedule, config.sensors, fault_random),
             board: Board::new(ring, config.clock_drift_ppm, random(Stream::Board)),
             link: Link::new(config.link, random(Stream::Link)),
@@ -105,6 +110,23 @@ impl Simulation {
         let hello = simulation.board.hello();
         simulation.link.send(BOOT, &hello);
         simulation
+    }
+
+    /// The same session with sensors that are not as drawn: readings too long and sensors turned, by as much as the seed draws
+    /// for each, with these standard deviations. Nothing else of the session changes.
+    #[must_use]
+    pub fn with_misfits(mut self, range_bias_m: f64, bearing_offset_rad: f64) -> Self {
+        let mut random = Random::new(self.seed, Stream::Mounting);
+        for misfit in &mut self.misfits {
+            *misfit = Misfit::draw(range_bias_m, bearing_offset_rad, &mut random);
+        }
+        self
+    }
+
+    /// How each sensor truly differs from its drawing.
+    #[must_use]
+    pub fn misfits(&self) -> &[Misfit] {
+        &self.misfits
     }
 
     /// The true faults.
@@ -190,11 +212,12 @@ impl Simulation {
             if mounting.group != group {
                 continue;
             }
-            let distance =
-                |share: f64| self.beam.distance(&self.world, self.robot.pose(share) * mounting.robot_from_sensor);
+            let misfit = self.misfits[usize::from(sensor)];
+            let true_place = misfit.turned(mounting.robot_from_sensor);
+            let distance = |share: f64| self.beam.distance(&self.world, self.robot.pose(share) * true_place);
             // The sound turns back half a flight after the trigger.
             let true_m = distance(0.0).and_then(|m| distance(m / SOUND_M_S / STEP_S));
-            let read_m = reading(true_m, &mut self.sonar_noise);
+            let read_m = misfit.read(reading(true_m, &mut self.sonar_noise));
             readings.push((sensor, self.faults.apply(sensor, at.seconds(), read_m)));
         }
         let frame = self.board.sonar(at, group, is_last, self.robot.ticks(0.0), &readings);

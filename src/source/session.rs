@@ -4,12 +4,13 @@
 //! depends on what was read and written and when, never on when a timer fired: a recording replays bit for bit.
 
 use crate::config::Config;
-use crate::event::{Estimate, Event, FaultEvent, Input, LockChange, LockEvent, Output, SensorState};
+use crate::event::{Estimate, Event, FaultEvent, Input, LockChange, LockEvent, Output, PositionEvent, SensorState};
 use crate::geometry::{Pose2, Ring};
 use crate::link::Reception;
+use crate::memory::{Impossible, Memory};
 use crate::metrics::TrueFault;
-use crate::pipeline::Pipeline;
-use crate::publish::{FinalState, Outputs, PublishError, Summary, WheelCalibration};
+use crate::pipeline::{Pipeline, Start};
+use crate::publish::{FinalState, Outputs, PublishError, Summary};
 use crate::time::Timestamp;
 use bytes::Bytes;
 use std::path::Path;
@@ -35,6 +36,29 @@ impl Session {
         let outputs = Outputs::create(folder)?;
         let (transmit, faulty) = (Vec::new(), Vec::new());
         Ok(Self { config, pipeline, outputs, transmit, faulty, estimate: None, now: Timestamp::default() })
+    }
+
+    /// The same session, beginning with what another has remembered.
+    ///
+    /// # Errors
+    /// Where the memory holds what cannot be, or the configured method cannot use it.
+    pub fn begin_with(mut self, start: Start) -> Result<Self, Impossible> {
+        self.pipeline = Pipeline::begin(&self.config, start)?;
+        Ok(self)
+    }
+
+    /// Everything worth remembering; none before there is something.
+    #[must_use]
+    pub fn memory(&self) -> Option<Memory> {
+        self.pipeline.memory()
+    }
+
+    /// The configuration with the wheels as this session has learnt them; none where the method learns none.
+    #[must_use]
+    pub fn calibrated(&self) -> Option<Config> {
+        let mut config = self.config.clone();
+        config.robot.set_wheels(&self.pipeline.calibration()?);
+        Some(config)
     }
 
     /// What truly fails, where somebody knows it.
@@ -144,15 +168,13 @@ impl Session {
     /// When an output cannot be written.
     pub fn finish(self) -> Result<(Summary, Vec<FaultEvent>), PublishError> {
         let nowhere = Ring::default();
-        let calibration = self.pipeline.calibration();
         let summary = self.outputs.finish(&FinalState {
             config: &self.config,
             raster: &self.pipeline.raster(),
             ring: self.pipeline.ring().unwrap_or(&nowhere),
             states: self.pipeline.states(),
             counters: self.pipeline.counters(),
-            calibration: calibration
-                .map(|wheels| WheelCalibration { wheel_ratio: wheels.wheel_ratio, wheel_base_m: wheels.wheel_base_m }),
+            calibration: self.pipeline.calibration(),
         })?;
         Ok((summary, self.faulty.into_iter().flatten().collect()))
     }
@@ -198,6 +220,8 @@ impl Session {
                 }
                 self.faulty[sensor] = (fault.state != SensorState::Healthy).then_some(fault);
             }
+            Event::Position(PositionEvent { is_known: true, reason, .. }) => tracing::info!("{reason}"),
+            Event::Position(PositionEvent { reason, .. }) => tracing::warn!("{reason}"),
             Event::Estimate(estimate) => self.estimate = Some(estimate),
         }
     }

@@ -82,11 +82,12 @@ impl MonitorArgs {
     }
 
     fn play(&self, file: &Path, log: Log, runtime: &Runtime, mut shutdown: Shutdown) -> Result<(), Failure> {
-        let (mut capture, mut session) = replay::open(file, &self.output)?;
+        let (mut capture, mut session) = replay::open(file, &self.live.kept, &self.output)?;
         let mut screen = self.screen(log, &shutdown)?;
         let mut sampler = Sampler::new(session.config(), screen.slot());
         let play = play::play(&mut capture, &mut session, self.speed, &mut shutdown, &mut sampler, file);
         let result = runtime.block_on(play);
+        let saved = self.live.kept.save(self.live.kept.saver(), &session);
         let finished = session.finish();
         if !screen.close() {
             return Ok(());
@@ -94,7 +95,7 @@ impl MonitorArgs {
         result?;
         let (summary, faulty) = finished?;
         terminal::report(&summary, &faulty, &self.output.out, self.output.json);
-        Ok(())
+        saved
     }
 
     fn screen(&self, log: Log, shutdown: &Shutdown) -> Result<Screen, Failure> {

@@ -1,0 +1,87 @@
+//! Where am I? `cargo bench --bench localize -- [--seeds 101-120] [--seconds 120]`
+//!
+//! Each seed maps a building and then starts at an unknown place in it. Prints a Markdown table. Tune on seeds 1-20, report on 101-120.
+
+#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a bench")]
+
+#[path = "../tests/known_building/mod.rs"]
+mod known_building;
+
+use known_building::{Outcome, remember, seek};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// The building mapped, seconds of mapping, the building driven in, whether the robot can know where it is.
+type Case = (&'static str, f64, &'static str, bool);
+
+const CASES: [Case; 5] = [
+    ("flat", 300.0, "flat", true),
+    ("furnished", 300.0, "furnished", true),
+    ("office", 900.0, "office", true),
+    ("symmetrical", 120.0, "symmetrical", false),
+    ("flat", 300.0, "furnished", false),
+];
+
+fn option<'a>(arguments: &'a [String], name: &str, default: &'a str) -> &'a str {
+    let place = arguments.iter().position(|argument| argument == name);
+    place.and_then(|place| arguments.get(place + 1)).map_or(default, String::as_str)
+}
+
+fn row((mapped, _, driven, _): Case, outcomes: &[Outcome]) {
+    let mut times: Vec<f64> = outcomes.iter().filter_map(|outcome| outcome.found_after_s).collect();
+    times.sort_by(f64::total_cmp);
+    let within = times.iter().filter(|seconds| **seconds <= 60.0).count();
+    let wrong = outcomes.iter().filter(|outcome| outcome.is_wrong()).count();
+    let words = |quantile: f64| {
+        let place = (quantile * times.len().saturating_sub(1) as f64).round() as usize;
+        times.get(place).map_or_else(|| "-".into(), |seconds| format!("{seconds:.0}"))
+    };
+    let sum: f64 = outcomes.iter().map(|outcome| outcome.square_sum_m2).sum();
+    let sweeps: f64 = outcomes.iter().map(|outcome| outcome.sweeps).sum();
+    let worst = outcomes.iter().map(|outcome| outcome.worst_m).fold(0.0, f64::max);
+    let unknown = outcomes.iter().filter(|outcome| outcome.said.iter().any(|said| said.contains("still unknown")));
+    println!(
+        "| {mapped} | {driven} | {within} of {} | {wrong} | {} / {} | {} | {:.3} | {worst:.2} |",
+        outcomes.len(),
+        words(0.5),
+        words(0.9),
+        unknown.count(),
+        (sum / sweeps).sqrt(),
+    );
+}
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().collect();
+    let (first, last) = option(&arguments, "--seeds", "101-120").split_once('-').expect("--seeds FIRST-LAST");
+    let seeds: Vec<u64> = (first.parse().expect("a seed")..=last.parse().expect("a seed")).collect();
+    let duration_s: f64 = option(&arguments, "--seconds", "120").parse().expect("seconds");
+    let only = option(&arguments, "--world", "");
+    println!(
+        "| mapped | driven in | found within 60 s of driving | wrong | seconds, median / p90 | said that it does not know | RMS m once found | worst m |"
+    );
+    println!("|---|---|---|---|---|---|---|---|");
+    for case in CASES.into_iter().filter(|case| only.is_empty() || case.0 == only) {
+        let (mapped, mapping_s, driven, _) = case;
+        let next = AtomicUsize::new(0);
+        let outcomes = Mutex::new(Vec::new());
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        std::thread::scope(|scope| {
+            for _ in 0..cores {
+                scope.spawn(|| {
+                    while let Some(&seed) = seeds.get(next.fetch_add(1, Ordering::Relaxed)) {
+                        let known = remember(mapped, seed, mapping_s);
+                        let outcome = seek(&known, driven, seed, duration_s);
+                        if std::env::var_os("VERBOSE").is_some() {
+                            eprintln!(
+                                "{mapped} {seed}: worst {:.2} m, {:.0} deg: {:?}",
+                                outcome.worst_m, outcome.worst_deg, outcome.said
+                            );
+                        }
+                        outcomes.lock().expect("no run panics").push(outcome);
+                    }
+                });
+            }
+        });
+        row(case, &outcomes.into_inner().expect("no run panics"));
+    }
+}

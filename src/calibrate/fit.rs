@@ -1,0 +1,132 @@
+//! One sensor's readings against the walls it heard: least squares with Cauchy's weights.
+
+use super::Estimated;
+use super::drive::Drive;
+use crate::event::SensorState;
+use crate::memory::WallMemory;
+use crate::position::beam_model::sight;
+use nalgebra::{Matrix3, Vector3};
+
+/// What is sought: range bias, bearing offset, error of the half angle.
+const UNKNOWNS: usize = 3;
+
+/// One reading of a wall: measured − expected, and its derivative by what is sought.
+#[derive(Clone, Copy)]
+struct Row {
+    residual_m: f64,
+    by: Vector3<f64>,
+    part: usize,
+}
+
+/// What one pass finds of one sensor.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Step {
+    pub(super) range_bias_m: Option<Estimated>,
+    pub(super) bearing_offset_rad: Option<Estimated>,
+}
+
+/// Readings farther off than this are of something else, metres.
+const GATE_M: f64 = 0.2;
+/// From here on a reading's say falls, metres.
+const CAUCHY_M: f64 = 0.03;
+/// What a sensor is off by before anything is known: metres, radians, radians.
+const PRIOR: [f64; UNKNOWNS] = [0.05, 0.09, 0.09];
+/// Only walls that many sweeps have seen, and readings within their extent.
+const LEAST_HITS: u32 = 40;
+const INSIDE_M: f64 = 0.05;
+/// Parts of the drive that are left out in turn.
+const PARTS: usize = 8;
+const LEAST_ROWS: usize = 60;
+/// A result less certain than this is none: metres, radians.
+const MOST_SIGMA_M: f64 = 0.008;
+const MOST_SIGMA_RAD: f64 = 0.75 * std::f64::consts::PI / 180.0;
+
+/// Fits every sensor.
+pub(super) fn fit(drive: &Drive) -> Vec<Step> {
+    let sensors = drive.steps.first().map_or(0, |(sweep, _)| sweep.beams.len());
+    let is_healthy = |sensor: usize| drive.states.get(sensor) == Some(&SensorState::Healthy);
+    (0..sensors)
+        .map(|sensor| if is_healthy(sensor) { fit_sensor(&rows(drive, sensor)) } else { Step::default() })
+        .collect()
+}
+
+/// Root mean square of measured − expected; NaN where the sensor heard no wall.
+pub(super) fn rms_m(drive: &Drive, sensor: usize) -> f64 {
+    let rows = rows(drive, sensor);
+    (rows.iter().map(|row| row.residual_m * row.residual_m).sum::<f64>() / rows.len() as f64).sqrt()
+}
+
+fn rows(drive: &Drive, sensor: usize) -> Vec<Row> {
+    let mut rows = Vec::new();
+    for (step, (sweep, pose)) in drive.steps.iter().enumerate() {
+        let Some(sighting) = sweep.beams.get(sensor).and_then(|beam| sight(*pose, beam)) else { continue };
+        let sign = sighting.side.sign();
+        let residual = |offset_m: f64| sighting.depth_m - sign * (offset_m - sighting.across_m);
+        let is_heard = |wall: &WallMemory, offset_m: f64| {
+            wall.side == sighting.side.index()
+                && wall.hits >= LEAST_HITS
+                && (wall.lo_m + INSIDE_M..=wall.hi_m - INSIDE_M).contains(&sighting.along_m)
+                && residual(offset_m).abs() < GATE_M
+        };
+        // Of several the one that most have seen: a sensor that reads too long may have drawn a wall of its own.
+        let heard = drive.walls.iter().filter(|(wall, offset_m)| is_heard(wall, *offset_m));
+        let Some((_, offset_m)) = heard.max_by_key(|(wall, _)| wall.hits) else { continue };
+        let tangent = if sighting.side.axis() == 0 { sign } else { -sign };
+        let lateral_m = tangent * (sighting.along_m - sighting.foot_m);
+        rows.push(Row {
+            residual_m: residual(*offset_m),
+            by: Vector3::new(libm::cos(sighting.oblique_rad), lateral_m, -lateral_m.abs()),
+            part: step * PARTS / drive.steps.len(),
+        });
+    }
+    rows
+}
+
+fn fit_sensor(rows: &[Row]) -> Step {
+    if rows.len() < LEAST_ROWS {
+        return Step::default();
+    }
+    let bearing = estimate(rows, 1, true).filter(|found| found.sigma <= MOST_SIGMA_RAD);
+    let bias = estimate(rows, 0, bearing.is_some()).filter(|found| found.sigma <= MOST_SIGMA_M);
+    Step { range_bias_m: bias, bearing_offset_rad: bearing }
+}
+
+/// One of the unknowns with its standard deviation: of the least squares, or of the parts of the drive if that is greater.
+fn estimate(rows: &[Row], unknown: usize, with_bearing: bool) -> Option<Estimated> {
+    let (x, covariance) = solve(rows.iter(), with_bearing)?;
+    let mut without = Vec::with_capacity(PARTS);
+    for part in 0..PARTS {
+        without.push(solve(rows.iter().filter(|row| row.part != part), with_bearing)?.0[unknown]);
+    }
+    let mean = without.iter().sum::<f64>() / PARTS as f64;
+    // Tukey's jackknife: the parts are independent, the readings within them are not.
+    let scatter = without.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
+    let jackknife = (scatter * (PARTS - 1) as f64 / PARTS as f64).sqrt();
+    Some(Estimated { value: x[unknown], sigma: covariance[(unknown, unknown)].sqrt().max(jackknife) })
+}
+
+/// The unknowns and their covariance; a bearing that is not sought is held at 0.
+fn solve<'a>(rows: impl Iterator<Item = &'a Row> + Clone, with_bearing: bool) -> Option<(Vector3<f64>, Matrix3<f64>)> {
+    let noise = CAUCHY_M * CAUCHY_M;
+    let mut prior = PRIOR;
+    if !with_bearing {
+        prior[1] = 1e-6;
+    }
+    let prior = Matrix3::from_diagonal(&Vector3::from(prior.map(|sigma| 1.0 / (sigma * sigma))));
+    let (mut x, mut covariance) = (Vector3::zeros(), Matrix3::zeros());
+    for _ in 0..ROUNDS {
+        let (mut information, mut vector) = (prior, Vector3::zeros());
+        for row in rows.clone() {
+            let left_m = row.residual_m - row.by.dot(&x);
+            let weight = 1.0 / (noise + left_m * left_m);
+            information += row.by * row.by.transpose() * weight;
+            vector += row.by * (row.residual_m * weight);
+        }
+        covariance = information.try_inverse()?;
+        x = covariance * vector;
+    }
+    Some((x, covariance))
+}
+
+/// Reweightings: the weights have settled by then.
+const ROUNDS: usize = 8;

@@ -1,0 +1,104 @@
+//! `slamd calibrate CAPTURE`
+
+use super::kept::write_robot;
+use super::{Failure, Kind, terminal};
+use crate::calibrate::drive::{Drive, Mapper};
+use crate::calibrate::{CalibrateError, Estimated, PASSES, Report, calibrate};
+use crate::capture::CaptureReader;
+use crate::config::{Config, Method};
+use clap::Args;
+use std::path::PathBuf;
+
+/// Learn a robot's wheels and sensors from a drive.
+#[derive(Debug, Args)]
+pub(super) struct CalibrateArgs {
+    /// A capture (MCAP) of some minutes of driving between walls.
+    capture: PathBuf,
+    /// Write the robot's configuration, with what was learnt, to this file.
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Begin with this configuration instead of the capture's.
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+}
+
+impl CalibrateArgs {
+    pub(super) fn run(self) -> Result<(), Failure> {
+        let name = self.capture.display();
+        let info = CaptureReader::open(&self.capture)?.info().clone();
+        let config = match &self.config {
+            Some(path) => super::load_config(path)?,
+            None => Config::from_toml(&info.config_toml)
+                .map_err(|error| Failure::new(Kind::Data, format!("{name}: its configuration: {error}")))?,
+        };
+        let config = Config { method: Method::Walls, ..config };
+        let bar = terminal::progress(None);
+        let report = calibrate(&config, |config, pass| -> Result<Drive, Failure> {
+            let mut mapper = Mapper::new(config);
+            for record in CaptureReader::open(&self.capture)? {
+                let record = record?;
+                terminal::show(&bar, record.at().seconds());
+                bar.set_prefix(format!("pass {} of {}", pass + 1, PASSES + 1));
+                mapper.take(&record);
+            }
+            Ok(mapper.finish())
+        });
+        bar.finish_and_clear();
+        let report = report.map_err(|failure| Failure::new(failure.kind, format!("{name}: {failure}")))?;
+        say(&report);
+        if let Some(path) = &self.out {
+            write_robot(path, &report.config, "slamd calibrate")?;
+            terminal::say(format_args!("robot: {}", path.display()));
+        }
+        Ok(())
+    }
+}
+
+impl From<CalibrateError> for Failure {
+    fn from(error: CalibrateError) -> Self {
+        Self::new(Kind::Data, error.to_string())
+    }
+}
+
+/// The report as a table.
+fn say(report: &Report) {
+    let wheels = &report.wheels;
+    terminal::say(format_args!("wheel ratio {:.4} ± {:.4}", wheels.wheel_ratio, wheels.wheel_ratio_sigma));
+    terminal::say(format_args!("wheel base {:.4} ± {:.4} m", wheels.wheel_base_m, wheels.wheel_base_sigma_m));
+    terminal::say("sensor  range bias cm   bearing offset deg   innovation RMS cm: before  after");
+    let mut unknown = [0; 2];
+    for (sensor, result) in report.sensors.iter().enumerate() {
+        let bearing = result
+            .bearing_offset_rad
+            .map(|found| Estimated { value: found.value.to_degrees(), sigma: found.sigma.to_degrees() });
+        let bias =
+            result.range_bias_m.map(|found| Estimated { value: 100.0 * found.value, sigma: 100.0 * found.sigma });
+        unknown[0] += u32::from(bias.is_none());
+        unknown[1] += u32::from(bearing.is_none());
+        let rms = |rms_m: f64| if rms_m.is_finite() { format!("{:.2}", 100.0 * rms_m) } else { "-".into() };
+        terminal::say(format_args!(
+            "{sensor:>6}  {:>13}   {:>18}   {:>25}  {:>5}",
+            words(bias),
+            words(bearing),
+            rms(result.before_m),
+            rms(result.after_m)
+        ));
+    }
+    terminal::say(
+        "What the sensors have in common is not observable in a drive and left out: a bias of all, a shift or a turn of the ring.",
+    );
+    for (count, what) in unknown.into_iter().zip(["range bias", "bearing offset"]).filter(|(count, _)| *count > 0) {
+        terminal::say(format_args!("The {what} of {count} sensors is not observable in this drive (?)."));
+    }
+    if let Some([before, after]) = &report.accuracy {
+        terminal::say(format_args!("ATE before {:.3} m, after {:.3} m", before.ate_m, after.ate_m));
+        terminal::say(format_args!(
+            "heading before {:.2}, after {:.2} degrees RMS",
+            before.heading_rmse_deg, after.heading_rmse_deg
+        ));
+    }
+}
+
+fn words(found: Option<Estimated>) -> String {
+    found.map_or_else(|| "?".into(), |found| format!("{:+.2} ± {:.2}", found.value, found.sigma))
+}

@@ -1,0 +1,83 @@
+//! What a run begins with and what it leaves for the next one; the same for a robot and for a replay.
+
+use super::{Failure, Kind};
+use crate::config::{Config, Method};
+use crate::memory::Memory;
+use crate::pipeline::Start;
+use crate::session_file::{self, FileError, Saver};
+use crate::source::session::Session;
+use clap::Args;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+#[derive(Debug, Args)]
+pub(super) struct KeptArgs {
+    /// Go on with the map, walls, wheels and sensors of this session; the robot stands where it stood.
+    #[arg(long, value_name = "FILE", conflicts_with = "localize")]
+    resume: Option<PathBuf>,
+    /// Find the robot, wherever it is, in the map of this session, and leave that map as it is.
+    #[arg(long, value_name = "FILE", conflicts_with = "save_session")]
+    localize: Option<PathBuf>,
+    /// Save map, walls, pose, wheels and sensors to this session file at the end; with a robot also every minute.
+    #[arg(long, value_name = "FILE")]
+    save_session: Option<PathBuf>,
+    /// Save the wheels as learnt to this robot configuration, for --config.
+    #[arg(long, value_name = "FILE")]
+    save_calibration: Option<PathBuf>,
+}
+
+impl KeptArgs {
+    /// The session, begun with what was kept.
+    pub(super) fn begin(&self, config: Config, folder: &Path) -> Result<Session, Failure> {
+        let keeps = self.save_session.is_some() || self.save_calibration.is_some();
+        if config.method == Method::Paper && keeps {
+            return Err(Failure::new(Kind::Usage, "the paper's method learns nothing that could be saved"));
+        }
+        let load = |path: &Path| -> Result<Box<Memory>, Failure> { Ok(Box::new(session_file::read(path)?)) };
+        let (start, path) = match (&self.resume, &self.localize) {
+            (Some(path), _) => (Start::Resume(load(path)?), path),
+            (None, Some(path)) => (Start::Localize(load(path)?), path),
+            (None, None) => return Ok(Session::new(config, folder)?),
+        };
+        let session = Session::new(config, folder)?.begin_with(start);
+        session.map_err(|error| Failure::new(Kind::Data, format!("{}: {error}", path.display())))
+    }
+
+    /// Saves the session while a robot is listened to, if wanted.
+    pub(super) fn saver(&self) -> Option<Saver> {
+        self.save_session.clone().map(Saver::new)
+    }
+
+    /// Saves, at the end, whatever is wanted: one failure does not keep the other file from being written.
+    pub(super) fn save(&self, saver: Option<Saver>, session: &Session) -> Result<(), Failure> {
+        let saved = saver.map_or(Ok(()), |saver| saver.finish(session.memory()));
+        if let (Some(path), Some(config)) = (&self.save_calibration, session.calibrated()) {
+            write_robot(path, &config, "slamd --save-calibration")?;
+        }
+        Ok(saved?)
+    }
+}
+
+/// Writes a robot's configuration: the keys that differ from the defaults, whole or not at all.
+pub(super) fn write_robot(path: &Path, config: &Config, writer: &str) -> Result<(), Failure> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or_else(|| Path::new("."));
+    let write = || -> std::io::Result<()> {
+        let mut file = tempfile::NamedTempFile::new_in(folder)?;
+        writeln!(file, "# Written by `{writer}`; configs/README.md describes each key.\n")?;
+        file.write_all(config.to_toml_differences().as_bytes())?;
+        file.as_file().sync_all()?;
+        file.persist(path).map(drop).map_err(|error| error.error)
+    };
+    write().map_err(|error| Failure::new(Kind::CantCreate, format!("{}: {error}", path.display())))
+}
+
+impl From<FileError> for Failure {
+    fn from(error: FileError) -> Self {
+        let kind = match &error {
+            FileError::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => Kind::NoInput,
+            FileError::Io { .. } => Kind::Io,
+            FileError::Content { .. } => Kind::Data,
+        };
+        Self::new(kind, error.to_string())
+    }
+}

@@ -1,0 +1,116 @@
+//! What was learnt of a robot: its wheels with their uncertainty, its sensors one by one.
+
+use super::{Check, Config, ConfigError, MAX_SENSORS, RobotConfig};
+use crate::event::Calibration;
+use serde::{Deserialize, Serialize};
+
+/// How one sensor differs from its drawing.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CorrectionConfig {
+    /// The sensor's id.
+    pub sensor: u8,
+    /// How much too long it reads, metres.
+    #[serde(default)]
+    pub range_bias_m: f64,
+    /// How far it is turned counter-clockwise from where the ring's geometry has it, degrees.
+    #[serde(default)]
+    pub bearing_offset_deg: f64,
+}
+
+/// A wheel base that somebody has measured with a ruler is known to this part.
+const BASE_SIGMA: f64 = 0.025;
+
+impl RobotConfig {
+    /// The wheels as configured, with how well they are known.
+    #[must_use]
+    pub fn wheels(&self) -> Calibration {
+        Calibration {
+            wheel_ratio: self.wheel_ratio,
+            wheel_ratio_sigma: self.wheel_ratio_sigma,
+            wheel_base_m: self.wheel_base_m,
+            wheel_base_sigma_m: self.wheel_base_sigma_m.unwrap_or(BASE_SIGMA * self.wheel_base_m),
+        }
+    }
+
+    /// Makes these the robot's wheels, to the six digits that anybody could measure.
+    pub fn set_wheels(&mut self, wheels: &Calibration) {
+        let rounded = |value: f64| (1e6 * value).round() / 1e6;
+        self.wheel_ratio = rounded(wheels.wheel_ratio);
+        self.wheel_ratio_sigma = rounded(wheels.wheel_ratio_sigma).max(SIGMA_FLOOR);
+        self.wheel_base_m = rounded(wheels.wheel_base_m);
+        self.wheel_base_sigma_m = Some(rounded(wheels.wheel_base_sigma_m).max(SIGMA_FLOOR));
+    }
+}
+
+/// Nothing is known better than this.
+const SIGMA_FLOOR: f64 = 1e-5;
+
+impl Config {
+    /// A TOML text of the keys whose values are not the defaults: what a robot's file holds.
+    ///
+    /// # Panics
+    /// Never: every configuration has a TOML form.
+    #[must_use]
+    pub fn to_toml_differences(&self) -> String {
+        let table = |config: &Self| toml::Table::try_from(config).expect("plain numbers, strings and tables");
+        let mut differences = table(self);
+        remove_equal(&mut differences, &table(&Self::default()));
+        toml::to_string(&differences).expect("a table made of a table")
+    }
+
+    pub(super) fn check_calibration(&self, check: &Check<'_>) -> Result<(), ConfigError> {
+        let robot = &self.robot;
+        check.within("robot.wheel_ratio", robot.wheel_ratio, 0.5..=2.0)?;
+        check.within("robot.wheel_ratio_sigma", robot.wheel_ratio_sigma, SIGMA_FLOOR..=0.2)?;
+        if let Some(sigma_m) = robot.wheel_base_sigma_m {
+            check.within("robot.wheel_base_sigma_m", sigma_m, SIGMA_FLOOR..=0.5)?;
+        }
+        for (i, correction) in self.ring.corrections.iter().enumerate() {
+            let key = |name: &str| format!("ring.corrections.{i}.{name}");
+            check.within(&key("sensor"), f64::from(correction.sensor), 0.0..=(MAX_SENSORS - 1) as f64)?;
+            check.within(&key("range_bias_m"), correction.range_bias_m, -0.5..=0.5)?;
+            check.within(&key("bearing_offset_deg"), correction.bearing_offset_deg, -45.0..=45.0)?;
+        }
+        Ok(())
+    }
+}
+
+fn remove_equal(table: &mut toml::Table, default: &toml::Table) {
+    table.retain(|key, value| match (value, default.get(key)) {
+        (toml::Value::Table(inner), Some(toml::Value::Table(default))) => {
+            remove_equal(inner, default);
+            !inner.is_empty()
+        }
+        (value, Some(default)) => value != default,
+        (_, None) => true,
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_differences_read_back_as_the_whole() {
+        let mut config = Config::default();
+        assert_eq!(config.to_toml_differences(), "");
+        config.robot.set_wheels(&Calibration {
+            wheel_ratio: 1.012_345_678,
+            wheel_ratio_sigma: 0.000_4,
+            wheel_base_m: 0.2512,
+            wheel_base_sigma_m: 0.000_9,
+        });
+        config.ring.corrections = vec![CorrectionConfig { sensor: 3, range_bias_m: -0.02, bearing_offset_deg: 1.5 }];
+        let text = config.to_toml_differences();
+        assert!(text.contains("wheel_ratio = 1.012346") && !text.contains("max_range_m"), "{text}");
+        assert_eq!(Config::from_toml(&text), Ok(config));
+    }
+
+    #[test]
+    fn a_correction_out_of_range_names_its_line() {
+        let text = "[[ring.corrections]]\nsensor = 2\nrange_bias_m = 3.0\n";
+        let error = Config::from_toml(text).unwrap_err().to_string();
+        assert_eq!(error, "line 3: ring.corrections.0.range_bias_m = 3 is out of range: it must be from -0.5 to 0.5");
+    }
+}

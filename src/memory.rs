@@ -1,0 +1,111 @@
+//! What a run remembers beyond its end: plain numbers, in the order in which a session file holds them.
+//!
+//! Each stage writes and reads its own part; nobody else interprets it. Nothing here is checked beyond its form: whoever restores a
+//! part refuses numbers that cannot be ([`crate::session_file`] has the bytes).
+
+use crate::event::{Calibration, Event, FaultEvent, SensorState};
+use crate::time::Timestamp;
+use serde::{Deserialize, Serialize};
+
+/// Everything that the walls method remembers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Memory {
+    /// Pose, wheels and the walls near the robot.
+    pub filter: FilterMemory,
+    /// The walls in the filter, in its order.
+    pub walls: Vec<WallMemory>,
+    /// The walls out of the filter's sight.
+    pub parked: Vec<ParkedMemory>,
+    /// The map.
+    pub map: MapMemory,
+    /// Each sensor's state, by id.
+    pub sensors: Vec<SensorMemory>,
+}
+
+impl Memory {
+    /// The remembered faults of a ring of `sensors`, told again.
+    pub fn faults(&self, at: Timestamp, sensors: usize) -> impl Iterator<Item = Event> {
+        self.sensors.iter().take(sensors).enumerate().filter_map(
+            move |(sensor, SensorMemory { state, .. })| match state {
+                SensorState::Healthy => None,
+                SensorState::Faulty(kind) => {
+                    let reason = format!("sensor {sensor} was {} when the session was saved", kind.word());
+                    Some(Event::Fault(FaultEvent { at, sensor, state: *state, reason }))
+                }
+            },
+        )
+    }
+}
+
+/// The filter's state x and covariance P.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FilterMemory {
+    /// The robot's part of x: x, y (m), theta (rad), relative errors of the nominal wheel ratio and wheel base.
+    pub robot: Vec<f64>,
+    /// The walls' part of x: offsets, metres.
+    pub offsets_m: Vec<f64>,
+    /// The lower triangle of P, row by row, the robot's part first.
+    pub covariance: Vec<f64>,
+    /// What the wheel errors are relative to.
+    pub nominal: Calibration,
+}
+
+/// A wall.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct WallMemory {
+    /// The side it is seen from: 0 for +x, then +y, −x, −y.
+    pub side: u8,
+    /// Where along it it has been seen, metres.
+    pub lo_m: f64,
+    /// The other end.
+    pub hi_m: f64,
+    /// Sweeps that have seen it.
+    pub hits: u32,
+}
+
+/// A wall out of the filter's sight.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ParkedMemory {
+    /// The wall.
+    pub wall: WallMemory,
+    /// Its offset, metres.
+    pub offset_m: f64,
+    /// The offset's variance, m².
+    pub variance: f64,
+}
+
+/// The occupancy grid.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MapMemory {
+    /// Side of a cell, metres.
+    pub cell_m: f64,
+    /// The tiles in the order of their places.
+    pub tiles: Vec<TileMemory>,
+}
+
+/// One tile of the grid.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TileMemory {
+    /// Its place in tiles from the origin.
+    pub column: i32,
+    /// The same along y.
+    pub row: i32,
+    /// Log-odds in hundredths, row by row.
+    pub log_odds: Vec<i16>,
+    /// Per row two sets of 32 bits, bit i for column i: a wall there faces along x, along y.
+    pub facing: Vec<[u32; 2]>,
+}
+
+/// One sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SensorMemory {
+    /// Its state.
+    pub state: SensorState,
+    /// How often it was found faulty, less what good conduct has undone: the more, the slower it is trusted again.
+    pub relapses: f64,
+}
+
+/// A part of a memory that cannot be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct Impossible(pub &'static str);

@@ -1,0 +1,79 @@
+//! What a filter remembers, and how it begins from that.
+
+use super::filter::{Filter, MAX_WALLS, ROBOT, Robot};
+use crate::geometry::Pose2;
+use crate::memory::{FilterMemory, Impossible};
+
+impl Filter {
+    /// State and covariance as plain numbers.
+    #[must_use]
+    pub fn memory(&self) -> FilterMemory {
+        let walls = self.walls();
+        let mut covariance = Vec::with_capacity((ROBOT + walls) * (ROBOT + walls + 1) / 2);
+        for row in 0..ROBOT {
+            covariance.extend((0..=row).map(|column| self.robot_cov[(row, column)]));
+        }
+        for row in 0..walls {
+            covariance.extend(self.cross[row].iter());
+            covariance.extend_from_slice(&self.wall_cov[row * MAX_WALLS..=row * MAX_WALLS + row]);
+        }
+        FilterMemory {
+            robot: self.robot.iter().copied().collect(),
+            offsets_m: self.offsets.clone(),
+            covariance,
+            nominal: self.nominal,
+        }
+    }
+
+    /// The filter that wrote the memory.
+    ///
+    /// # Errors
+    /// Where the numbers do not fit together or are none.
+    pub fn restore(memory: &FilterMemory) -> Result<Self, Impossible> {
+        let (walls, entries) = (memory.offsets_m.len(), memory.covariance.len());
+        if memory.robot.len() != ROBOT || walls > MAX_WALLS || entries != (ROBOT + walls) * (ROBOT + walls + 1) / 2 {
+            return Err(Impossible("the filter's state and covariance are not of one size"));
+        }
+        let wheels = memory.nominal;
+        let mut numbers = memory.robot.iter().chain(&memory.offsets_m).chain(&memory.covariance);
+        let are_sizes = wheels.wheel_ratio > 0.0 && wheels.wheel_base_m > 0.0;
+        if !(numbers.all(|number| number.abs() < 1e9) && are_sizes) {
+            return Err(Impossible("the filter's state is not made of usable numbers"));
+        }
+        let mut filter = Self::new(Pose2::default(), 0.0, memory.nominal);
+        filter.robot.copy_from_slice(&memory.robot);
+        let mut entries = memory.covariance.iter().copied();
+        for row in 0..ROBOT {
+            for column in 0..=row {
+                let entry = entries.next().unwrap_or_default();
+                (filter.robot_cov[(row, column)], filter.robot_cov[(column, row)]) = (entry, entry);
+            }
+        }
+        filter.offsets.clone_from(&memory.offsets_m);
+        for row in 0..walls {
+            filter.cross.push(Robot::from_iterator(entries.by_ref().take(ROBOT)));
+            for (column, entry) in entries.by_ref().take(row + 1).enumerate() {
+                filter.wall_cov[row * MAX_WALLS + column] = entry;
+                filter.wall_cov[column * MAX_WALLS + row] = entry;
+            }
+        }
+        let variances = (0..ROBOT).map(|i| filter.robot_cov[(i, i)]).chain((0..walls).map(|i| filter.wall_variance(i)));
+        if variances.into_iter().any(|variance| variance < 0.0) {
+            return Err(Impossible("a variance of the filter is negative"));
+        }
+        Ok(filter)
+    }
+
+    /// Admits that the pose is less certain than believed.
+    pub fn inflate(&mut self, position_sigma_m: f64, heading_sigma_rad: f64) {
+        self.robot_cov[(0, 0)] += position_sigma_m * position_sigma_m;
+        self.robot_cov[(1, 1)] += position_sigma_m * position_sigma_m;
+        self.robot_cov[(2, 2)] += heading_sigma_rad * heading_sigma_rad;
+    }
+
+    /// Takes the walls as they are, without doubt: updates change the robot only.
+    pub fn fix_walls(&mut self) {
+        self.cross.fill(Robot::zeros());
+        self.wall_cov.fill(0.0);
+    }
+}

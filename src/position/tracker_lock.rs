@@ -1,0 +1,54 @@
+//! What a tracker does when its place is in doubt.
+
+use super::lock::LockWatch;
+use super::relock::KnownWall;
+use super::tracker::{Tracker, WELL_KNOWN, Wall};
+use crate::geometry::Pose2;
+
+/// What a place found anew is worth.
+const RELOCK_SIGMA_M: f64 = 0.05;
+const RELOCK_SIGMA_RAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
+
+impl Tracker {
+    /// Whether what is heard agrees with the walls.
+    #[must_use]
+    pub fn watch(&self) -> &LockWatch {
+        &self.watch
+    }
+
+    /// Every well-known wall that was learnt before the sweep `until`, or by an earlier run.
+    #[must_use]
+    pub fn known_walls(&self, until: u64) -> Vec<KnownWall> {
+        let known = |wall: &Wall, offset_m| KnownWall { side: wall.side, offset_m, lo_m: wall.lo_m, hi_m: wall.hi_m };
+        let active = self.walls.iter().enumerate().map(|(index, wall)| (wall, self.filter.offset_m(index)));
+        let all = active.chain(self.parked.iter().map(|parked| (&parked.wall, parked.offset_m)));
+        all.filter(|(wall, _)| wall.hits >= WELL_KNOWN && !wall.is_since(until))
+            .map(|(wall, offset_m)| known(wall, offset_m))
+            .collect()
+    }
+
+    /// The robot is elsewhere: what was learnt from the sweep `since` on is void.
+    pub fn relocate(&mut self, pose: Pose2, since: u64) {
+        for wall in (0..self.walls.len()).rev() {
+            if self.walls[wall].is_since(since) {
+                self.walls.swap_remove(wall);
+                self.filter.remove(wall);
+            }
+        }
+        self.nursery.clear();
+        self.uses.clear();
+        self.filter.relocate(pose, RELOCK_SIGMA_M, RELOCK_SIGMA_RAD);
+    }
+
+    /// Forgets what contradicted the map.
+    pub fn trust_anew(&mut self) {
+        self.watch = LockWatch::default();
+    }
+}
+
+impl Wall {
+    /// True where this run has learnt it from this sweep on.
+    fn is_since(&self, sweep: u64) -> bool {
+        self.first_sweep.is_some_and(|first| first >= sweep)
+    }
+}

@@ -1,0 +1,215 @@
+//! Session files: what a run remembers, on disk.
+//!
+//! | bytes | content |
+//! |---|---|
+//! | 0–7 | `slamdses` |
+//! | 8–11 | version of the format, u32, little-endian |
+//! | 12–19 | length of the payload, u64, little-endian |
+//! | 20–23 | CRC-32 (ISO-HDLC, as in zip) of bytes 8–19 and the payload, u32, little-endian |
+//! | 24– | the payload: a [`Memory`] in [postcard's wire format](https://postcard.jamesmunns.com/wire-format) |
+//!
+//! In that format f64 are eight little-endian bytes, integers varints (signed ones zig-zag), a list is its length and its
+//! elements, a struct its fields in the order of [`crate::memory`], an enum the number of its variant. A change of any of these
+//! types is a new version. `docs/session-file.md` says it for other programs.
+//!
+//! A file is written beside its name and renamed, so it is the old one or the new one, never half of one. It is refused before
+//! its payload is looked at unless its length and checksum hold, and a length inside the payload never reserves more than the
+//! file holds: postcard passes no length on that exceeds the bytes left.
+
+mod saver;
+
+pub use saver::Saver;
+
+use crate::memory::Memory;
+use crc::{CRC_32_ISO_HDLC, Crc};
+use std::io::{self, Read as _, Write as _};
+use std::path::{Path, PathBuf};
+
+/// The first bytes of each session file.
+pub const MAGIC: [u8; 8] = *b"slamdses";
+/// Version of the format that this program writes, and the only one it reads.
+pub const VERSION: u32 = 1;
+/// Bytes in front of the payload.
+pub const HEADER: usize = 24;
+/// No session is larger: the largest map takes 50 MB.
+const MOST_BYTES: u64 = 256 << 20;
+
+const CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
+
+/// What is wrong with a session's bytes.
+#[derive(Debug, thiserror::Error, PartialEq, Eq)]
+pub enum SessionFileError {
+    /// Other first bytes.
+    #[error("it is no session file: it begins with {found:02x?}, not with \"slamdses\"")]
+    Magic {
+        /// The first bytes, at most eight.
+        found: Vec<u8>,
+    },
+    /// Another version.
+    #[error("it has format version {found}, and this program reads version {VERSION}: {}", whose(*found))]
+    Version {
+        /// The file's version.
+        found: u32,
+    },
+    /// Fewer bytes than it says.
+    #[error("it is cut off: it says that it has {expected} bytes, and ends after {found}")]
+    Truncated {
+        /// Bytes that the header promises.
+        expected: u64,
+        /// Bytes there are.
+        found: u64,
+    },
+    /// More bytes than it says.
+    #[error("{} bytes follow its end at byte {expected}", found - expected)]
+    Trailing {
+        /// Bytes that the header promises.
+        expected: u64,
+        /// Bytes there are.
+        found: u64,
+    },
+    /// Changed bytes.
+    #[error("it is damaged: its checksum says 0x{expected:08x}, its bytes 0x{computed:08x}")]
+    Checksum {
+        /// As written in the file.
+        expected: u32,
+        /// As computed.
+        computed: u32,
+    },
+    /// A payload that is none.
+    #[error("its content cannot be read: {0}")]
+    Content(String),
+    /// Larger than any session.
+    #[error("it has {found} bytes, and no session has more than {MOST_BYTES}")]
+    TooLarge {
+        /// Its size.
+        found: u64,
+    },
+}
+
+fn whose(version: u32) -> &'static str {
+    if version > VERSION {
+        "the file is from a newer slamd; update the program"
+    } else {
+        "the file is from an older slamd"
+    }
+}
+
+/// A session file that cannot be read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum FileError {
+    /// The system refuses.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// It holds something else than a session.
+    #[error("{}: {source}", path.display())]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        source: SessionFileError,
+    },
+}
+
+/// A memory as the bytes of a session file.
+///
+/// # Panics
+/// Never: a memory is made of numbers and lists whose lengths are known.
+#[must_use]
+pub fn encode(memory: &Memory) -> Vec<u8> {
+    let payload = postcard::to_allocvec(memory).expect("numbers and lists");
+    let mut bytes = Vec::with_capacity(HEADER + payload.len());
+    bytes.extend(MAGIC);
+    bytes.extend(VERSION.to_le_bytes());
+    bytes.extend((payload.len() as u64).to_le_bytes());
+    bytes.extend(checksum(&bytes[8..20], &payload).to_le_bytes());
+    bytes.extend(payload);
+    bytes
+}
+
+/// The memory in the bytes of a session file.
+///
+/// # Errors
+/// Whatever is wrong with the bytes; never a panic, whatever they are.
+pub fn decode(bytes: &[u8]) -> Result<Memory, SessionFileError> {
+    let found = bytes.len() as u64;
+    let Some((magic, rest)) = bytes.split_first_chunk::<8>().filter(|(magic, _)| **magic == MAGIC) else {
+        // What is there of the magic may still be right.
+        let is_cut = !bytes.is_empty() && bytes.len() < MAGIC.len() && MAGIC.starts_with(bytes);
+        let expected = HEADER as u64;
+        return Err(if is_cut {
+            SessionFileError::Truncated { expected, found }
+        } else {
+            SessionFileError::Magic { found: bytes[..bytes.len().min(MAGIC.len())].into() }
+        });
+    };
+    let cut = SessionFileError::Truncated { expected: HEADER as u64, found };
+    let Some((version, rest)) = rest.split_first_chunk() else { return Err(cut) };
+    let version = u32::from_le_bytes(*version);
+    if version != VERSION {
+        return Err(SessionFileError::Version { found: version });
+    }
+    let Some((length, rest)) = rest.split_first_chunk() else { return Err(cut) };
+    let Some((expected, payload)) = rest.split_first_chunk() else { return Err(cut) };
+    let whole = u64::from_le_bytes(*length).saturating_add(HEADER as u64);
+    if whole > found {
+        return Err(SessionFileError::Truncated { expected: whole, found });
+    }
+    if whole < found {
+        return Err(SessionFileError::Trailing { expected: whole, found });
+    }
+    let (expected, computed) = (u32::from_le_bytes(*expected), checksum(&bytes[magic.len()..20], payload));
+    if expected != computed {
+        return Err(SessionFileError::Checksum { expected, computed });
+    }
+    match postcard::take_from_bytes(payload) {
+        Ok((memory, [])) => Ok(memory),
+        Ok((_, rest)) => Err(SessionFileError::Content(format!("{} bytes follow its end", rest.len()))),
+        Err(error) => Err(SessionFileError::Content(error.to_string())),
+    }
+}
+
+fn checksum(header: &[u8], payload: &[u8]) -> u32 {
+    let mut digest = CHECKSUM.digest();
+    digest.update(header);
+    digest.update(payload);
+    digest.finalize()
+}
+
+/// Reads a session file.
+///
+/// # Errors
+/// Where it cannot be read, or holds something else than a session; with the file's name.
+pub fn read(path: &Path) -> Result<Memory, FileError> {
+    let io = |source| FileError::Io { path: path.into(), source };
+    let file = std::fs::File::open(path).map_err(io)?;
+    let size = file.metadata().map_err(io)?.len();
+    let mut bytes = Vec::new();
+    if size <= MOST_BYTES {
+        file.take(MOST_BYTES).read_to_end(&mut bytes).map_err(io)?;
+    }
+    let content = |source| FileError::Content { path: path.into(), source };
+    if size > MOST_BYTES {
+        return Err(content(SessionFileError::TooLarge { found: size }));
+    }
+    decode(&bytes).map_err(content)
+}
+
+/// Writes a session file: whole, or not at all.
+///
+/// # Errors
+/// Where it cannot be written; with the file's name.
+pub fn write(path: &Path, memory: &Memory) -> Result<(), FileError> {
+    let io = |source| FileError::Io { path: path.into(), source };
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or_else(|| Path::new("."));
+    let mut file = tempfile::NamedTempFile::new_in(folder).map_err(io)?;
+    file.write_all(&encode(memory)).map_err(io)?;
+    file.as_file().sync_all().map_err(io)?;
+    file.persist(path).map_err(|error| io(error.error))?;
+    // The name, too, must survive a power cut.
+    std::fs::File::open(folder).and_then(|folder| folder.sync_all()).map_err(io)
+}

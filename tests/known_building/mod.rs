@@ -1,0 +1,176 @@
+//! One drive that maps a building, and others that begin anywhere in it and know only that map.
+
+#![allow(dead_code, reason = "each user takes what it needs")]
+#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "shares of a list")]
+
+use slamd::capture::Record;
+use slamd::config::Config;
+use slamd::event::{Event, Input, Output};
+use slamd::geometry::{Point, Pose2, wrap_angle};
+use slamd::memory::Memory;
+use slamd::metrics::AccuracyMeter;
+use slamd::pipeline::{Pipeline, Start};
+use slamd::session_file;
+use slamd::sim::fault::FaultMix;
+use slamd::sim::link::LinkFaults;
+use slamd::sim::simulation::{SimConfig, Simulation, session};
+use slamd::sim::sonar::BeamShape;
+use slamd::sim::world::World;
+use slamd::time::Timestamp;
+
+/// A room that looks the same from both ends.
+pub(crate) const SYMMETRICAL: &str = "start = [2.0, 1.5, 0.0]
+[[wall]]\nfrom = [0.0, 0.0]\nto = [6.0, 0.0]\n[[wall]]\nfrom = [6.0, 0.0]\nto = [6.0, 4.0]
+[[wall]]\nfrom = [6.0, 4.0]\nto = [0.0, 4.0]\n[[wall]]\nfrom = [0.0, 4.0]\nto = [0.0, 0.0]\n";
+
+/// A world by name.
+pub(crate) fn world(name: &str) -> World {
+    let mut world = World::named(name).unwrap_or_else(|| World::from_toml(name, SYMMETRICAL).expect("a good world"));
+    world.start_heading_rad = None;
+    world
+}
+
+/// A drive's records.
+pub(crate) fn drive(world: World, seed: u64, duration_s: f64, mix: FaultMix) -> impl Iterator<Item = Record> {
+    session(Simulation::new(SimConfig {
+        world,
+        seed,
+        duration_s,
+        mix,
+        faults: Vec::new(),
+        beam: BeamShape::Cone,
+        sensors: 32,
+        odometry_errors: 1.0,
+        clock_drift_ppm: 300.0,
+        link: LinkFaults::default(),
+    }))
+}
+
+/// Hands a record to a pipeline and its events to `each`; the truth, where the record is one.
+pub(crate) fn feed(pipeline: &mut Pipeline, record: &Record, mut each: impl FnMut(Event)) -> Option<Pose2> {
+    match record {
+        Record::Received { at, bytes } => pipeline.handle(Input::Received { at: *at, bytes }),
+        Record::Sent { at, bytes } => pipeline.handle(Input::Sent { at: *at, bytes }),
+        Record::Truth { pose, .. } => return Some(*pose),
+    }
+    while let Some(output) = pipeline.poll_output() {
+        if let Output::Event(event) = output {
+            each(event);
+        }
+    }
+    None
+}
+
+/// Where the robot truly was.
+#[derive(Default)]
+pub(crate) struct Truths {
+    poses: Vec<(Timestamp, Pose2)>,
+}
+
+impl Truths {
+    pub(crate) fn add(&mut self, at: Timestamp, pose: Option<Pose2>) {
+        self.poses.extend(pose.map(|pose| (at, pose)));
+    }
+
+    /// The pose nearest in time, within the twentieth of a second that two sweeps leave.
+    pub(crate) fn at(&self, at: Timestamp) -> Option<Pose2> {
+        let after = self.poses.partition_point(|(then, _)| *then < at);
+        let near = self.poses[after.saturating_sub(1)..].iter().take(2);
+        let apart = |then: Timestamp| then.seconds_since(at).abs();
+        let nearest = near.min_by(|a, b| apart(a.0).total_cmp(&apart(b.0)))?;
+        (apart(nearest.0) < 0.05).then_some(nearest.1)
+    }
+}
+
+/// A building as a drive has left it.
+pub(crate) struct Known {
+    pub(crate) memory: Memory,
+    pub(crate) world_from_map: Pose2,
+    /// Where the drive went.
+    pub(crate) places: Vec<Point>,
+}
+
+/// Maps a world, and takes the memory through a session file's bytes.
+pub(crate) fn remember(name: &str, seed: u64, duration_s: f64) -> Known {
+    let mut pipeline = Pipeline::new(&Config::default());
+    let mut meter = AccuracyMeter::default();
+    let mut places = Vec::new();
+    for record in drive(world(name), seed, duration_s, FaultMix::Paper) {
+        let truth = feed(&mut pipeline, &record, |event| {
+            if let Event::Estimate(estimate) = event {
+                meter.estimate(estimate.at, estimate.pose);
+            }
+        });
+        if let Some(pose) = truth {
+            meter.truth(record.at(), pose);
+            places.push(pose.position());
+        }
+    }
+    let memory = pipeline.memory().expect("the walls method remembers");
+    let memory = session_file::decode(&session_file::encode(&memory)).expect("what was written is read");
+    Known { memory, world_from_map: meter.world_from_map().expect("a drive has a truth"), places }
+}
+
+/// What became of a robot that knew only the map.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Outcome {
+    /// Seconds of driving until the position was found first.
+    pub(crate) found_after_s: Option<f64>,
+    /// Greatest error while it was thought to be known: metres and degrees.
+    pub(crate) worst_m: f64,
+    pub(crate) worst_deg: f64,
+    /// Error at each sweep, squared and summed, and their number.
+    pub(crate) square_sum_m2: f64,
+    pub(crate) sweeps: f64,
+    /// What the robot said of its position.
+    pub(crate) said: Vec<String>,
+}
+
+impl Outcome {
+    fn compare(&mut self, believed: Pose2, truth: Pose2) {
+        let apart_m = (believed.position() - truth.position()).norm();
+        self.worst_m = self.worst_m.max(apart_m);
+        let turn_rad = wrap_angle(believed.theta_rad - truth.theta_rad);
+        self.worst_deg = self.worst_deg.max(turn_rad.abs().to_degrees());
+        self.square_sum_m2 += apart_m * apart_m;
+        self.sweeps += 1.0;
+    }
+
+    /// Farther off than any door is wide.
+    pub(crate) fn is_wrong(&self) -> bool {
+        self.worst_m > 0.5 || self.worst_deg > 20.0
+    }
+}
+
+/// Puts the robot somewhere the first drive has been and lets it drive, with another seed.
+pub(crate) fn seek(known: &Known, name: &str, seed: u64, duration_s: f64) -> Outcome {
+    let mut world = world(name);
+    // Another place for each seed, spread over the first drive by the golden ratio.
+    let share = (seed as f64 * 0.618_033_988_75).fract();
+    let place = known.places[(share * known.places.len() as f64) as usize];
+    if world.clearance(place) > 0.2 {
+        world.start = place;
+    }
+    let start = Start::Localize(Box::new(known.memory.clone()));
+    let mut pipeline = Pipeline::begin(&Config::default(), start).expect("a good memory");
+    let mut outcome = Outcome::default();
+    let mut truths = Truths::default();
+    for record in drive(world, seed + 5_000, duration_s, FaultMix::None) {
+        let truth = feed(&mut pipeline, &record, |event| match event {
+            Event::Position(position) => {
+                if position.is_known && outcome.found_after_s.is_none() {
+                    outcome.found_after_s = Some(position.driven_s);
+                }
+                outcome.said.push(position.reason);
+            }
+            Event::Estimate(estimate) => {
+                if let Some(truth) = truths.at(estimate.at) {
+                    outcome.compare(known.world_from_map * estimate.pose, truth);
+                }
+            }
+            _ => {}
+        });
+        truths.add(record.at(), truth);
+    }
+    outcome
+}
