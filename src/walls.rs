@@ -114,7 +114,7 @@ impl Walls {
         Ok(Self { tracker: Some(tracker), detector, grid, ..Self::new(config, ring) })
     }
 
-    /// The method in a building that it knows and does not change, at `pose`, which is known to `sigma_m` and [`AXIS_SIGMA_RAD`];
+    /// The method in a building that it knows and does not change, at `pose`, which is known to `sigma_m` and 3 degrees;
     /// what was found of the sensors meanwhile stays.
     ///
     /// # Errors

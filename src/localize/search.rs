@@ -1,7 +1,7 @@
 //! Where a map made just now lies on a known one: branch and bound over four headings and all translations.
 //!
 //! Both maps have their axes along the building's walls, so the one is turned against the other by a multiple of 90 degrees, and
-//! the rest is a translation in whole cells. The fit of a place is the sum of its points' marks ([`super::known_map`]) over
+//! the rest is a translation in whole cells. The fit of a place is the sum of its points' marks (`super::known_map`) over
 //! what a perfect fit would get: 1 is perfect, 0 is chance.
 
 use super::known_map::{BEST_MARKS, KnownMap, LEVELS, MARGIN, SOLID, signed, surely_free};
