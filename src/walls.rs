@@ -20,7 +20,7 @@ use crate::mapping::cone::{self, Target};
 use crate::mapping::grid::{Facing, OccupancyGrid};
 use crate::mapping::raster::Raster;
 use crate::memory::{Impossible, Memory};
-use crate::orientation::axis::AxisFinder;
+use crate::orientation::axis::{Axis, AxisFinder};
 use crate::orientation::start;
 use crate::position::beam_model::sight;
 use crate::position::tracker::{Tracker, Use, Wall};
@@ -56,8 +56,6 @@ const FIRST_TRAVEL_M: f64 = 3.0 * 8.0 * 8.0;
 /// A lone slanted thing near the start must not pass for the building.
 const LEAST_TRAVEL_M: f64 = 0.6;
 const MOST_SWEEPS: usize = 300;
-/// A direction is believed when its votes gather this much better than the median direction's.
-const CONTRAST: f64 = 1.25;
 /// A robot that was put back by hand stands this far from where it stood, metres.
 const RESUME_SIGMA_M: f64 = 0.1;
 /// The first axis must beat every other direction this much, or is waited for, but no longer than so many sweeps.
@@ -208,7 +206,7 @@ impl Walls {
             return;
         }
         let axis = start::find(&mut self.axis, &self.waiting, &self.wheels);
-        let axis = axis.filter(|axis| axis.contrast >= CONTRAST);
+        let axis = axis.filter(Axis::is_believed);
         let least_lead = if waited < LEAD_SWEEPS { LEAD } else { 1.0 };
         if waited < MOST_SWEEPS && axis.is_none_or(|axis| axis.lead < least_lead) {
             return;
@@ -303,7 +301,7 @@ impl Walls {
         if self.axis_sweeps < CHECK_SWEEPS {
             return;
         }
-        let believed = self.axis.find().filter(|axis| axis.contrast >= CONTRAST && axis.angle_rad.abs() < CHECK_RAD);
+        let believed = self.axis.find().filter(|axis| axis.is_believed() && axis.angle_rad.abs() < CHECK_RAD);
         if let Some(axis) = believed {
             tracker.filter.update_heading(-axis.angle_rad, AXIS_SIGMA_RAD * AXIS_SIGMA_RAD);
         }

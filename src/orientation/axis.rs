@@ -23,6 +23,17 @@ pub struct Axis {
     pub strength: f64,
 }
 
+/// A direction is believed when its votes gather this much better than the median direction's.
+const CONTRAST: f64 = 1.25;
+
+impl Axis {
+    /// True where the returns prefer this direction clearly enough to steer by.
+    #[must_use]
+    pub fn is_believed(&self) -> bool {
+        self.contrast >= CONTRAST
+    }
+}
+
 /// One return.
 #[derive(Clone, Copy, Debug)]
 struct Arc {

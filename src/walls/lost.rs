@@ -3,7 +3,7 @@
 //! The filter goes on meanwhile, for the doubt may be wrong; it is moved only where another place explains what is heard distinctly better.
 
 use crate::geometry::Pose2;
-use crate::orientation::axis::AxisFinder;
+use crate::orientation::axis::{Axis, AxisFinder};
 use crate::position::relock::{self, KnownWall};
 use crate::sweep::{Beam, Sweep};
 use crate::time::Timestamp;
@@ -27,8 +27,6 @@ const EVERY_SWEEPS: u32 = 5;
 const MOST_SWEEPS: u32 = 300;
 /// Older returns than so many say little: the wheels have moved on.
 const MOST_RETURNS: usize = 1_000;
-/// A direction is believed when its votes gather this much better than the median direction's.
-const CONTRAST: f64 = 1.25;
 
 impl Lost {
     /// The doubt begins, with the robot believed at `pose`.
@@ -59,7 +57,7 @@ impl Lost {
         }
         finder.clear();
         self.returns.iter().for_each(|(pose, beam)| finder.add(*pose, beam));
-        let axis = finder.find().filter(|axis| axis.contrast >= CONTRAST);
+        let axis = finder.find().filter(Axis::is_believed);
         finder.clear();
         let place = relock::find(&self.returns, &walls(), axis?.angle_rad)?;
         Some(place.correction * self.map_from_odom * odometry)
