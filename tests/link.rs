@@ -186,16 +186,16 @@ fn map_and_pose_go_on_when_the_port_returns_under_another_name() {
     daemon.expect("link: streaming", SOON);
     std::thread::sleep(Duration::from_secs(5));
     let device = std::fs::canonicalize(place.port()).unwrap();
+    // Opened while the old name is in use, so that its own is another.
+    let elsewhere = mock_port::Terminal::open();
     let robot = robot.unplug();
     daemon.expect("is gone", SOON);
-    // Somebody else takes the old name: the board comes back under another.
-    let taken = mock_port::Terminal::open();
-    let robot = Plugged::new(&place.port(), robot);
+    let robot = Plugged::at(elsewhere, &place.port(), robot);
     assert_ne!(std::fs::canonicalize(place.port()).unwrap(), device);
     daemon.expect("link: streaming", SOON);
     std::thread::sleep(Duration::from_secs(4));
     daemon.end();
-    drop((taken, robot));
+    drop(robot);
     let trajectory = std::fs::read_to_string(place.folder.path().join("out/trajectory.tum")).unwrap();
     let poses: Vec<[f64; 3]> = trajectory
         .lines()

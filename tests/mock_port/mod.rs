@@ -226,7 +226,11 @@ pub struct Plugged {
 impl Plugged {
     /// Plugs a device in: it appears as a pseudo-terminal that `name` links to.
     pub fn new(name: &Path, device: Device) -> Self {
-        let terminal = Terminal::open();
+        Self::at(Terminal::open(), name, device)
+    }
+
+    /// The same at a terminal opened before.
+    pub fn at(terminal: Terminal, name: &Path, device: Device) -> Self {
         std::os::unix::fs::symlink(&terminal.path, name).expect("a free name");
         let shared = Arc::new(Shared::default());
         let thread = {
