@@ -173,6 +173,20 @@ impl FaultKind {
     }
 }
 
+/// What became of a sensor's beam in one sweep.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Verdict {
+    /// It heard what the estimator knows, and corrected the pose.
+    Used,
+    /// It heard something else.
+    Unexplained,
+    /// It heard nothing, or nothing is known yet.
+    #[default]
+    Silent,
+    /// Its sensor is faulty.
+    Ignored,
+}
+
 /// A sensor's change of state.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FaultEvent {

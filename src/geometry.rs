@@ -86,6 +86,17 @@ pub fn sinc(x: f64) -> f64 {
     if x.abs() < 1e-6 { 1.0 - x * x / 6.0 } else { libm::sin(x) / x }
 }
 
+/// A straight piece of a wall.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Segment {
+    /// One end.
+    pub from: Point,
+    /// The other.
+    pub to: Point,
+    /// Standard deviation of its place across itself, metres.
+    pub sigma_m: f64,
+}
+
 /// One sensor's place on the robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mounting {

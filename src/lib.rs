@@ -53,3 +53,5 @@ pub mod monitor;
 pub mod port;
 #[cfg(feature = "daemon")]
 pub mod recorder;
+#[cfg(feature = "viewer")]
+pub mod viewer;

@@ -6,6 +6,8 @@
 //! in: the measurement model in [`paper_ekf`](crate::position::paper_ekf), free space in
 //! [`binary_grid`](crate::mapping::binary_grid), two more faults in [`paper_detector`](crate::fault::paper_detector).
 
+mod insight;
+
 use crate::config::Config;
 use crate::event::{Estimate, Event, SensorState};
 use crate::fault::paper_detector::{FIRST_VERDICT_SWEEPS, PaperDetector};

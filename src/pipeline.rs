@@ -9,6 +9,7 @@
 //! The steps from the sweep on are those of the chosen method: [`crate::walls`] or [`crate::paper`].
 
 mod estimator;
+mod insight;
 
 pub use estimator::Start;
 

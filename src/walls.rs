@@ -10,6 +10,7 @@
 //! The map frame has its origin where the robot started and its axes along the building's walls. Poses of the sweeps before the axis
 //! was found follow at once when it is.
 
+mod insight;
 mod lost;
 
 use crate::config::Config;

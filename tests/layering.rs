@@ -75,6 +75,7 @@ const TABLE: &[(&str, &[&str], bool)] = &[
         ],
         true,
     ),
+    ("viewer", &["time", "geometry", "sweep", "event", "mapping", "metrics", "monitor", "pipeline", "source"], true),
     ("recorder", &["time", "capture"], true),
     ("port", &[], true),
     ("daemon", EVERYTHING, true),

@@ -13,6 +13,8 @@ mod replay;
 mod run;
 mod simulate;
 mod terminal;
+#[cfg(feature = "viewer")]
+mod viewer;
 
 use clap::{Args, Parser, Subcommand};
 pub use failure::{Failure, Kind};
@@ -20,6 +22,8 @@ use std::ffi::OsString;
 use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use tracing_subscriber::layer::SubscriberExt as _;
+use tracing_subscriber::util::SubscriberInitExt as _;
 
 const EXAMPLES: &str = "Examples:
   slamd --port /dev/ttyUSB0                       map with a robot
@@ -116,12 +120,11 @@ pub fn main() -> ExitCode {
     };
     // The monitor has the screen for itself, and its log in a part of it.
     if !matches!(cli.command, Command::Monitor(_)) {
-        tracing_subscriber::fmt()
-            .with_env_filter(log_filter())
+        let lines = tracing_subscriber::fmt::layer()
             .with_writer(std::io::stderr)
             .with_ansi(std::io::stderr().is_terminal())
-            .with_target(false)
-            .init();
+            .with_target(false);
+        tracing_subscriber::registry().with(log_filter()).with(lines).with(for_viewers()).init();
     }
     let result = match cli.command {
         Command::Run(args) => args.run(),
@@ -146,7 +149,18 @@ pub fn main() -> ExitCode {
 
 /// What is logged: as `RUST_LOG` says.
 fn log_filter() -> tracing_subscriber::EnvFilter {
-    tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "info".into())
+    tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "info,re_=error".into())
+}
+
+/// What takes the log to the viewers, if this build has any.
+#[cfg(feature = "viewer")]
+const fn for_viewers() -> crate::viewer::LogLayer {
+    crate::viewer::LogLayer
+}
+
+#[cfg(not(feature = "viewer"))]
+fn for_viewers() -> tracing_subscriber::layer::Identity {
+    tracing_subscriber::layer::Identity::new()
 }
 
 /// A length of time.

@@ -16,6 +16,9 @@ pub(super) struct ReplayArgs {
     file: PathBuf,
     #[command(flatten)]
     kept: KeptArgs,
+    #[cfg(feature = "viewer")]
+    #[command(flatten)]
+    viewer: super::viewer::ReplayViewerArgs,
     #[command(flatten)]
     output: OutputArgs,
 }
@@ -23,6 +26,13 @@ pub(super) struct ReplayArgs {
 impl ReplayArgs {
     pub(super) fn run(self) -> Result<(), Failure> {
         let (mut capture, mut session) = open(&self.file, &self.kept, &self.output)?;
+        #[cfg(feature = "viewer")]
+        let watched = {
+            let name = self.file.file_stem().unwrap_or_default().to_string_lossy();
+            let watched = self.viewer.begin(&name, capture.info().unix_zero_us)?;
+            watched.watch(&mut session);
+            watched
+        };
         let bar = terminal::progress(None);
         replay(&mut capture, &mut session, |seconds| terminal::show(&bar, seconds))?;
         bar.finish_and_clear();
@@ -32,6 +42,8 @@ impl ReplayArgs {
         let saved = self.kept.save(self.kept.saver(), &session);
         let (summary, faulty) = session.finish()?;
         terminal::report(&summary, &faulty, &self.output.out, self.output.json);
+        #[cfg(feature = "viewer")]
+        watched.finish()?;
         saved
     }
 }

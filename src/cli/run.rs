@@ -43,6 +43,9 @@ pub(super) struct LiveArgs {
     exit_on_hangup: bool,
     #[command(flatten)]
     pub(super) kept: KeptArgs,
+    #[cfg(feature = "viewer")]
+    #[command(flatten)]
+    viewer: super::viewer::LiveViewerArgs,
 }
 
 impl RunArgs {
@@ -104,6 +107,10 @@ impl LiveArgs {
             Some(path) => Some(Recorder::begin(path, &info).map_err(Failure::creating)?),
             None => None,
         };
+        #[cfg(feature = "viewer")]
+        let watched = self.viewer.begin(&config.robot.name, info.unix_zero_us)?;
+        #[cfg(feature = "viewer")]
+        watched.watch(&mut session);
         let live = Live { begin, session: &mut session, recorder: &mut recorder, saver: &mut saver };
         let run = daemon::run(options, port, &mut link, shutdown, live, observe);
         let result = runtime.block_on(run);
@@ -111,6 +118,8 @@ impl LiveArgs {
         let saved = self.kept.save(saver, &session);
         let (summary, faulty) = session.finish()?;
         let missing = recorder.map_or(Ok(0), Recorder::finish)?;
+        #[cfg(feature = "viewer")]
+        watched.finish()?;
         Ok(Some(End { summary, faulty, missing, saved, result }))
     }
 }

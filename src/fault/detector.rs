@@ -83,6 +83,18 @@ impl Detector {
         Ok(())
     }
 
+    /// The evidence against a sensor: its strongest log-likelihood ratio, 6 convicts. NaN where there is no such sensor.
+    #[must_use]
+    pub fn score(&self, sensor: usize) -> f64 {
+        self.sensors.get(sensor).map_or(f64::NAN, Suspicion::score)
+    }
+
+    /// Root of what PCA leaves unexplained of a sensor's last readings, metres.
+    #[must_use]
+    pub fn residual_m(&self, sensor: usize) -> f64 {
+        self.pca.residuals_m2().get(sensor).map_or(f64::NAN, |m2| m2.sqrt())
+    }
+
     /// True where the sensor's readings may be used.
     #[must_use]
     pub fn is_trusted(&self, sensor: usize) -> bool {

@@ -83,6 +83,12 @@ impl PaperDetector {
         }
     }
 
+    /// Root of a sensor's chained residual q_i, metres.
+    #[must_use]
+    pub fn residual_m(&self, sensor: usize) -> f64 {
+        self.records.get(sensor).map_or(f64::NAN, |record| record.residual_m2.sqrt())
+    }
+
     /// Takes the next sweep and pushes an [`Event::Fault`] for each sensor whose state it changes.
     pub fn inspect(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
         self.sweeps += 1;

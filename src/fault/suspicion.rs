@@ -102,6 +102,12 @@ impl Default for Suspicion {
 }
 
 impl Suspicion {
+    /// The strongest log-likelihood ratio of all kinds.
+    #[must_use]
+    pub fn score(&self) -> f64 {
+        self.ratios.iter().copied().fold(FLOOR, f64::max)
+    }
+
     /// What is worth remembering of the trial: the verdict, and how often it was overturned.
     #[must_use]
     pub fn memory(&self) -> SensorMemory {

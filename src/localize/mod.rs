@@ -131,6 +131,12 @@ impl Localizer {
         self.is_found
     }
 
+    /// The walls method at work inside.
+    #[must_use]
+    pub fn walls(&self) -> &Walls {
+        &self.walls
+    }
+
     /// Each sensor's state.
     #[must_use]
     pub fn states(&self) -> &[SensorState] {

@@ -3,6 +3,10 @@
 //! A cell holds ln(p / (1 − p)) in hundredths, clamped so that a changed world is learnt anew (Thrun, Burgard and Fox, Probabilistic
 //! Robotics, chapter 9). Tiles appear where something is written; how many is bounded, and what did not fit is counted.
 
+mod patch;
+
+pub use patch::{MapChange, Patch, percents};
+
 use super::raster::Raster;
 use crate::geometry::Point;
 use crate::memory::{Impossible, MapMemory, TileMemory};
@@ -253,15 +257,9 @@ impl OccupancyGrid {
 
     /// The known part of the grid as a rectangle.
     #[must_use]
-    #[expect(
-        clippy::cast_sign_loss,
-        clippy::cast_possible_truncation,
-        reason = "differences from the minimum; percent"
-    )]
+    #[expect(clippy::cast_sign_loss, reason = "differences from the minimum")]
     pub fn raster(&self) -> Raster {
-        let percent: Vec<i8> = (FLOOR..=CEILING)
-            .map(|hundredths| (100.0 / (1.0 + libm::exp(-0.01 * f64::from(hundredths)))).round() as i8)
-            .collect();
+        let percent = percents();
         let columns = self.places.keys().map(|key| key.0);
         let rows = self.places.keys().map(|key| key.1);
         let (Some(left), Some(right)) = (columns.clone().min(), columns.max()) else { return Raster::default() };

@@ -7,6 +7,7 @@ pub mod lock;
 pub mod nursery;
 pub mod paper_ekf;
 pub mod relock;
+mod segments;
 pub mod tracker;
 mod tracker_lock;
 mod tracker_memory;

@@ -14,6 +14,31 @@ use crate::publish::{FinalState, Outputs, PublishError, Summary};
 use crate::time::Timestamp;
 use bytes::Bytes;
 use std::path::Path;
+use std::time::Duration;
+
+/// Something that somebody who watches a session gets to see, as it happens.
+#[derive(Clone, Copy, Debug)]
+pub enum Sight<'a> {
+    /// An event of the pipeline.
+    Event(&'a Event),
+    /// Where the robot truly was.
+    Truth(Timestamp, Pose2),
+    /// An input has been used up; its events have been shown before.
+    Input,
+}
+
+/// What it happens in.
+pub struct Scene<'a> {
+    /// The pipeline after the input that caused it.
+    pub pipeline: &'a Pipeline,
+    /// Session time.
+    pub now: Timestamp,
+    /// How long the pipeline took for that input.
+    pub took: Duration,
+}
+
+/// Sees all that happens in a session, and must not wait.
+pub type Watcher = Box<dyn FnMut(&Scene<'_>, Sight<'_>)>;
 
 /// A pipeline and where its events go.
 pub struct Session {
@@ -24,6 +49,7 @@ pub struct Session {
     faulty: Vec<Option<FaultEvent>>,
     estimate: Option<Estimate>,
     now: Timestamp,
+    watcher: Option<Watcher>,
 }
 
 impl Session {
@@ -35,7 +61,13 @@ impl Session {
         let pipeline = Pipeline::new(&config);
         let outputs = Outputs::create(folder)?;
         let (transmit, faulty) = (Vec::new(), Vec::new());
-        Ok(Self { config, pipeline, outputs, transmit, faulty, estimate: None, now: Timestamp::default() })
+        let now = Timestamp::default();
+        Ok(Self { config, pipeline, outputs, transmit, faulty, estimate: None, now, watcher: None })
+    }
+
+    /// Lets somebody watch.
+    pub fn watch(&mut self, watcher: Watcher) {
+        self.watcher = Some(watcher);
     }
 
     /// The same session, beginning with what another has remembered.
@@ -89,6 +121,7 @@ impl Session {
     /// # Errors
     /// When an output cannot be written.
     pub fn truth(&mut self, at: Timestamp, pose: Pose2) -> Result<(), PublishError> {
+        self.show(Sight::Truth(at, pose), Duration::ZERO);
         self.outputs.truth(at, pose)
     }
 
@@ -190,16 +223,24 @@ impl Session {
                 Output::Transmit(frame) => self.transmit.push(frame),
                 Output::Event(event) => {
                     sweeps += u32::from(matches!(event, Event::Estimate(_)));
+                    self.show(Sight::Event(&event), elapsed);
                     self.outputs.event(&event)?;
                     self.note(event);
                 }
             }
         }
+        self.show(Sight::Input, elapsed);
         // The first sweeps are used all at once, when the building's axis is found.
         for _ in 0..sweeps {
             self.outputs.timing(elapsed / sweeps);
         }
         Ok(())
+    }
+
+    fn show(&mut self, sight: Sight<'_>, took: Duration) {
+        if let Some(watcher) = &mut self.watcher {
+            watcher(&Scene { pipeline: &self.pipeline, now: self.now, took }, sight);
+        }
     }
 
     /// One log line for what a person should know.

@@ -17,6 +17,9 @@ impl Daemon {
     pub fn start(port: &str, out: &Path) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_slamd"));
         command.arg("--port").arg(port).arg("--out").arg(out);
+        if cfg!(feature = "viewer") {
+            command.args(["--viewer", "off"]);
+        }
         Self::run(command)
     }
 

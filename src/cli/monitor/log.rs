@@ -6,6 +6,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 use tracing_subscriber::fmt::format::Writer;
 use tracing_subscriber::fmt::time::FormatTime;
+use tracing_subscriber::layer::SubscriberExt as _;
+use tracing_subscriber::util::SubscriberInitExt as _;
 
 /// The last lines; all copies share them.
 #[derive(Clone, Default)]
@@ -24,13 +26,13 @@ impl Log {
     pub(super) fn begin() -> Self {
         let log = Self::default();
         let writer = log.clone();
-        tracing_subscriber::fmt()
-            .with_env_filter(crate::cli::log_filter())
+        let lines = tracing_subscriber::fmt::layer()
             .with_writer(move || writer.clone())
             .with_ansi(false)
             .with_target(false)
-            .with_timer(Uptime(Instant::now()))
-            .init();
+            .with_timer(Uptime(Instant::now()));
+        let filter = crate::cli::log_filter();
+        tracing_subscriber::registry().with(filter).with(lines).with(crate::cli::for_viewers()).init();
         log
     }
 

@@ -28,6 +28,12 @@ const HELP: &str = "Examples:
 Keys: q, Esc and Ctrl-C quit, + and - zoom the map, c keeps it about the robot, p pauses the picture, ? tells these.
 Needs 80 columns and 24 rows. Without a UTF-8 locale it draws in ASCII, with NO_COLOR=1 without colours.";
 
+/// What only a port has.
+#[cfg(feature = "viewer")]
+const CONFLICTS: [&str; 4] = ["baud", "record", "exit_on_hangup", "viewer"];
+#[cfg(not(feature = "viewer"))]
+const CONFLICTS: [&str; 3] = ["baud", "record", "exit_on_hangup"];
+
 /// Map with a robot, or play a capture, and watch: ring, rates, faults, pose and map on this terminal.
 #[derive(Debug, Args)]
 #[command(after_help = HELP, group(ArgGroup::new("what").required(true).args(["port", "capture"])))]
@@ -36,7 +42,7 @@ pub(super) struct MonitorArgs {
     #[arg(long, value_name = "PORT")]
     port: Option<PortName>,
     /// Play this capture instead.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["baud", "record", "exit_on_hangup"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = CONFLICTS)]
     capture: Option<PathBuf>,
     /// Play the capture so many times as fast as it was recorded.
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = speed, conflicts_with = "port")]

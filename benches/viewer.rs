@@ -1,0 +1,155 @@
+//! `cargo bench --bench viewer [-- --speed 20]`: what it costs to be watched, on the committed capture.
+//!
+//! The capture is played some times as fast as it was recorded, to a session of each kind in turn: unwatched, recorded, served with nobody
+//! there, and connected to something that accepts and never reads. Each is played twice, and the better 99th percentile counts: the
+//! machine does other things, too.
+
+use rustix::time::{ClockId, clock_gettime};
+use slamd::capture::CaptureReader;
+use slamd::config::Config;
+use slamd::event::Event;
+use slamd::source::replay::step;
+use slamd::source::session::{Session, Sight};
+use slamd::viewer::{Identity, Viewer};
+use std::cell::Cell;
+use std::net::TcpListener;
+use std::path::Path;
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+/// Of sweeps, one in so many is shown: to tell what a sweep adds to a file.
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    Unwatched,
+    Recorded(u64),
+    Served,
+    Wedged,
+}
+
+/// Seconds of one sweep each, or per sweep.
+struct Cost {
+    sweeps: Vec<f64>,
+    pipeline_cpu: Vec<f64>,
+    tap: f64,
+    /// All other threads.
+    others_cpu: f64,
+    bytes_per_s: f64,
+    dropped: u64,
+}
+
+fn cpu_s(clock: ClockId) -> f64 {
+    let time = clock_gettime(clock);
+    time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
+}
+
+fn p99(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted[sorted.len() * 99 / 100]
+}
+
+#[expect(clippy::disallowed_methods, reason = "a bench has a clock")]
+fn play(kind: Kind, speed: f64) -> Cost {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("drive.rrd");
+    let deaf = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let host = deaf.local_addr().expect("its address").to_string();
+    let identity = Identity { recording: format!("bench-{host}"), name: "bench".into(), unix_zero_us: None };
+    let mut viewer = Viewer::new(identity, false);
+    match kind {
+        Kind::Unwatched => {}
+        Kind::Recorded(_) => viewer.record(&file).expect("a file"),
+        Kind::Served => {
+            let free = TcpListener::bind("127.0.0.1:0").and_then(|port| port.local_addr()).expect("a port");
+            assert!(viewer.serve(free));
+        }
+        Kind::Wedged => viewer.connect(&format!("rerun+http://{host}/proxy"), &host),
+    }
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("replay/flat-paper-faults.mcap");
+    let mut capture = CaptureReader::open(&path).expect("the committed capture");
+    let config = Config::from_toml(&capture.info().config_toml).expect("its configuration");
+    let mut session = Session::new(config, &folder.path().join("out")).expect("a session");
+    let tapped = Rc::new(Cell::new(0.0));
+    if let Some(mut tap) = viewer.tap() {
+        let (tapped, one_in) = (Rc::clone(&tapped), if let Kind::Recorded(one_in) = kind { one_in } else { 1 });
+        session.watch(Box::new(move |scene, sight| {
+            let sweep = scene.pipeline.sweep().map_or(0, |sweep| sweep.index);
+            if matches!(sight, Sight::Truth(..) | Sight::Input | Sight::Event(Event::Estimate(_)))
+                && !sweep.is_multiple_of(one_in)
+            {
+                return;
+            }
+            let begin = Instant::now();
+            tap.see(scene, sight);
+            tapped.set(tapped.get() + begin.elapsed().as_secs_f64());
+        }));
+    }
+    let (begin, process) = (Instant::now(), cpu_s(ClockId::ProcessCPUTime));
+    let main = cpu_s(ClockId::ThreadCPUTime);
+    let (mut sweeps, mut pipeline_cpu, mut seconds) = (Vec::new(), Vec::new(), 0.0);
+    for record in &mut capture {
+        let record = record.expect("it is whole");
+        seconds = record.at().seconds();
+        let due = begin + Duration::from_secs_f64(seconds / speed);
+        std::thread::sleep(due.saturating_duration_since(Instant::now()));
+        let before = session.pipeline().counters().sweeps;
+        let (wall, cpu) = (Instant::now(), cpu_s(ClockId::ThreadCPUTime));
+        step(&mut session, record).expect("outputs can be written");
+        if session.pipeline().counters().sweeps > before {
+            sweeps.push(wall.elapsed().as_secs_f64());
+            pipeline_cpu.push(cpu_s(ClockId::ThreadCPUTime) - cpu);
+        }
+    }
+    let main = cpu_s(ClockId::ThreadCPUTime) - main;
+    let others = cpu_s(ClockId::ProcessCPUTime) - process - main;
+    drop(session);
+    let dropped = viewer.dropped();
+    viewer.finish(Duration::from_secs(5));
+    let bytes = file.metadata().map_or(0, |metadata| metadata.len());
+    let count = sweeps.len() as f64;
+    let (tap, bytes_per_s) = (tapped.get() / count, bytes as f64 / seconds);
+    Cost { sweeps, pipeline_cpu, tap, others_cpu: others / count, bytes_per_s, dropped }
+}
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().collect();
+    let place = arguments.iter().position(|argument| argument == "--speed");
+    let speed = place.and_then(|place| arguments.get(place + 1)).map_or("20", String::as_str);
+    let speed: f64 = speed.parse().expect("--speed NUMBER");
+    let kinds = [
+        ("unwatched", Kind::Unwatched),
+        ("recorded", Kind::Recorded(1)),
+        ("served, nobody there", Kind::Served),
+        ("connected, never read", Kind::Wedged),
+    ];
+    let first = kinds.map(|(_, kind)| play(kind, speed));
+    let second = kinds.map(|(_, kind)| play(kind, speed));
+    println!("us per sweep, the capture at {speed} x its speed:\n");
+    println!(
+        "| | tap, mean | viewer's threads, mean | sweep, p99 | to unwatched | CPU of it, p99 | to unwatched | dropped |"
+    );
+    println!("|---|---|---|---|---|---|---|---|");
+    let best = |at: usize, values: fn(&Cost) -> &[f64]| p99(values(&first[at])).min(p99(values(&second[at])));
+    for (at, (name, _)) in kinds.iter().enumerate() {
+        let [wall, cpu]: [fn(&Cost) -> &[f64]; 2] = [|cost| &cost.sweeps, |cost| &cost.pipeline_cpu];
+        let (wall_s, cpu_s) = (best(at, wall), best(at, cpu));
+        println!(
+            "| {name} | {:.2} | {:.0} | {:.0} | {:.3} | {:.0} | {:.3} | {} |",
+            1e6 * first[at].tap.min(second[at].tap),
+            1e6 * first[at].others_cpu.min(second[at].others_cpu),
+            1e6 * wall_s,
+            wall_s / best(0, wall),
+            1e6 * cpu_s,
+            cpu_s / best(0, cpu),
+            second[at].dropped,
+        );
+    }
+    let (ten, five) = (first[1].bytes_per_s, play(Kind::Recorded(2), speed).bytes_per_s);
+    println!(
+        "\nfile: {:.1} kB/s at 10 sweeps a second, {:.1} at 5; so {:.1} at 20",
+        1e-3 * ten,
+        1e-3 * five,
+        1e-3 * (3.0 * ten - 2.0 * five)
+    );
+    assert!(first[1].tap.min(second[1].tap) < 5e-6, "the pipeline's thread pays more than 5 us per sweep");
+}
