@@ -12,7 +12,7 @@ use rerun::external::re_log_types::{BlueprintActivationCommand, LogMsg, StoreKin
 use rerun::external::re_sdk_types::blueprint::archetypes::{
     Background, EyeControls3D, LineGrid3D, PlotLegend, SpatialInformation, TimeAxis,
 };
-use rerun::external::re_sdk_types::blueprint::components::{BackgroundKind, Corner2D, PanelState};
+use rerun::external::re_sdk_types::blueprint::components::{BackgroundKind, Corner2D, PanelState, PlayState};
 use rerun::{AsComponents, RecordingStream, RecordingStreamBuilder, RecordingStreamResult};
 
 /// The name under which a viewer keeps its settings.
@@ -112,12 +112,15 @@ fn blueprint(eye: Eye, properties: &mut Properties) -> Blueprint {
     let right = Vertical::new([row(ring, states), row(heading, nis), row(evidence.into(), line.into())])
         .with_row_shares([1.5, 1.0, 1.0]);
     let root = Horizontal::new([left.into(), right.into()]).with_column_shares([1.15, 1.0]);
+    // The newest, in a file as well: there the map is whole.
+    let time = TimePanel::new().with_state(PanelState::Collapsed).with_timeline("robot_time");
+    let time = time.with_play_state(PlayState::Following);
     Blueprint::new(root)
         .with_auto_views(false)
         .with_auto_layout(false)
         .with_blueprint_panel(BlueprintPanel::from_state(PanelState::Collapsed))
         .with_selection_panel(SelectionPanel::from_state(PanelState::Collapsed))
-        .with_time_panel(TimePanel::new().with_state(PanelState::Collapsed).with_timeline("robot_time"))
+        .with_time_panel(time)
 }
 
 /// A view from above.
