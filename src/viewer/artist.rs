@@ -125,7 +125,7 @@ impl Artist {
         if let Some(rec) = &self.rec {
             rec.log(style::DROPS, &Scalars::single(inbox.dropped() as f64))?;
         }
-        self.draw_slow(has_new_map, moment.segments.is_some())
+        self.draw_slow(has_new_map)
     }
 
     fn set_time(&self, moment: &Moment) {
@@ -177,6 +177,9 @@ impl Artist {
                 rec.log(style::NIS, &Scalars::single(estimate.nis))?;
             }
         }
+        if moment.segments.is_some() {
+            self.draw_walls()?;
+        }
         if moment.beams.is_empty() {
             return Ok(());
         }
@@ -187,15 +190,11 @@ impl Artist {
         rec.log(style::DELAYS, &Scalars::new([moment.latency, moment.took].map(|delay| 1e3 * delay.as_secs_f64())))
     }
 
-    fn draw_slow(&mut self, has_new_map: bool, has_new_walls: bool) -> RecordingStreamResult<()> {
+    fn draw_slow(&mut self, has_new_map: bool) -> RecordingStreamResult<()> {
         let Some(rec) = &self.rec else { return Ok(()) };
         let known = &mut self.known;
         if let Some(picture) = has_new_map.then(|| known.chart.picture()).flatten() {
             rec.log(style::GRID, &shapes::grid(picture))?;
-        }
-        if let Some(segments) = known.segments.as_ref().filter(|_| has_new_walls) {
-            rec.log(style::WALLS, &shapes::walls(segments))?;
-            rec.log(style::WALL_BANDS, &shapes::wall_bands(segments))?;
         }
         for (kind, trail) in known.trails.iter_mut().enumerate() {
             for (number, piece) in trail.take_new() {
@@ -211,6 +210,12 @@ impl Artist {
             rec.log(style::SENSORS, &shapes::sensors(&newest.beams))?;
         }
         Ok(())
+    }
+
+    fn draw_walls(&self) -> RecordingStreamResult<()> {
+        let (Some(rec), Some(segments)) = (&self.rec, &self.known.segments) else { return Ok(()) };
+        rec.log(style::WALLS, &shapes::walls(segments))?;
+        rec.log(style::WALL_BANDS, &shapes::wall_bands(segments))
     }
 
     fn draw_hold(&self) -> RecordingStreamResult<()> {
@@ -238,7 +243,8 @@ impl Artist {
             }
         }
         self.draw_hold()?;
-        self.draw_slow(true, true)
+        self.draw_walls()?;
+        self.draw_slow(true)
     }
 }
 
