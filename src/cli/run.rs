@@ -83,6 +83,12 @@ impl End {
 }
 
 impl LiveArgs {
+    /// Watched on the terminal, the session is not shown in a viewer unless asked for.
+    pub(super) fn off_by_default(&mut self) {
+        #[cfg(feature = "viewer")]
+        self.viewer.off_by_default();
+    }
+
     /// Runs a live session to its end. None where that came before the port was there.
     pub(super) fn drive(
         &self,

@@ -10,8 +10,8 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 #[derive(Debug, Args)]
 pub(super) struct LiveViewerArgs {
     /// Show the session in Rerun, several at once if given several times: serve[=IP:PORT] for viewers that come, spawn a viewer,
-    /// connect[=URL] to one that listens, web for browsers, FILE.rrd, or off. Without it slamd serves on 127.0.0.1:9877, and opens the
-    /// installed viewer where there is a display.
+    /// connect[=URL] to one that listens, web for browsers, FILE.rrd, or off. Without it `slamd --port` serves on 127.0.0.1:9877, and opens the
+    /// installed viewer where there is a display; `slamd monitor` does not.
     #[arg(long, value_name = "WHERE")]
     viewer: Vec<Choice>,
 }
@@ -37,6 +37,13 @@ pub(super) struct Watched {
 }
 
 impl LiveViewerArgs {
+    /// Somebody watches on the terminal: nothing else is opened unless asked for.
+    pub(super) fn off_by_default(&mut self) {
+        if self.viewer.is_empty() {
+            self.viewer.push(Choice::Off);
+        }
+    }
+
     pub(super) fn begin(&self, robot: &str, unix_zero_us: Option<u64>) -> Result<Watched, Failure> {
         let mut choices = self.viewer.clone();
         if choices.is_empty() {

@@ -40,7 +40,6 @@ pub(super) fn grid(picture: Picture) -> GridMap {
 
 /// The robot: a disc with a nose.
 #[must_use]
-#[expect(clippy::suboptimal_flops, reason = "plain is readable")]
 pub(super) fn robot(radius_m: f32, rgba: Rgba) -> Mesh3D {
     const CORNERS: u16 = 48;
     let rim = |corner: u16| {

@@ -111,7 +111,11 @@ impl Viewer {
                 last = Some(shot);
             }
         }
-        panic!("{}: not what was expected: {}", path.display(), last.map_or("nothing".into(), |shot| shot.census()));
+        panic!(
+            "{}: not what was expected: {}",
+            path.display(),
+            last.map_or_else(|| "nothing".into(), |shot| shot.census())
+        );
     }
 
     fn shoot(&self, path: &Path) -> Option<Shot> {

@@ -57,8 +57,9 @@ pub(super) struct MonitorArgs {
 }
 
 impl MonitorArgs {
-    pub(super) fn run(self) -> Result<(), Failure> {
+    pub(super) fn run(mut self) -> Result<(), Failure> {
         usable()?;
+        self.live.off_by_default();
         let log = Log::begin();
         let runtime = runtime()?;
         let _guard = runtime.enter();
