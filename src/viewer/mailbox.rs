@@ -7,9 +7,9 @@ use crate::mapping::raster::Raster;
 use crate::time::Timestamp;
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// What a sink hears of.
 #[derive(Clone, Debug)]
@@ -48,6 +48,8 @@ pub(super) struct NewMap {
 const MOST_QUEUED: usize = 256;
 /// How long a replay waits for a sink that takes nothing, before it goes on without it.
 const PATIENCE: Duration = Duration::from_secs(2);
+/// Between two looks into an empty queue: fast enough to the eye.
+const LOOK: Duration = Duration::from_millis(20);
 const NAP: Duration = Duration::from_millis(1);
 
 #[derive(Debug, Default)]
@@ -120,12 +122,25 @@ impl Mailbox {
 }
 
 impl Inbox {
-    /// The next news.
+    /// The next news. Looks now and then instead of waiting in the queue: waking it up would cost the pipeline's thread more than all
+    /// the rest.
     ///
     /// # Errors
     /// When none come in time, or none will come any more.
+    #[expect(clippy::disallowed_methods, reason = "people live in real time")]
     pub(super) fn next(&self, timeout: Duration) -> Result<News, RecvTimeoutError> {
-        self.receiver.recv_timeout(timeout)
+        let begin = Instant::now();
+        loop {
+            match self.receiver.try_recv() {
+                Ok(news) => return Ok(news),
+                Err(TryRecvError::Disconnected) => return Err(RecvTimeoutError::Disconnected),
+                Err(TryRecvError::Empty) if begin.elapsed() >= timeout => return Err(RecvTimeoutError::Timeout),
+                Err(TryRecvError::Empty) => {
+                    let is_patient = self.shared.is_patient.load(Ordering::Relaxed);
+                    std::thread::sleep(if is_patient { NAP } else { LOOK.min(timeout) });
+                }
+            }
+        }
     }
 
     /// What has changed of the map since the last call.
