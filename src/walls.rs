@@ -21,7 +21,7 @@ use crate::mapping::cone::{self, Target};
 use crate::mapping::grid::{Facing, OccupancyGrid};
 use crate::mapping::raster::Raster;
 use crate::memory::{Impossible, Memory};
-use crate::orientation::axis::{Axis, AxisFinder};
+use crate::orientation::axis::AxisFinder;
 use crate::position::beam_model::sight;
 use crate::position::tracker::{Tracker, Use, Wall};
 use crate::sweep::{Beam, Sweep};
