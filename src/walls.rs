@@ -10,6 +10,7 @@
 //! The map frame has its origin where the robot started and its axes along the building's walls. Poses of the sweeps before the axis
 //! was found follow at once when it is.
 
+mod expect;
 mod lost;
 
 use crate::config::Config;
@@ -162,8 +163,13 @@ impl Walls {
             tracker.predict(sweep);
             tracker.expect(sweep);
             let is_lost = self.lost.is_some();
-            let expected_m = |sensor: usize| if is_lost { None } else { tracker.expected_m(sensor) };
-            self.detector.inspect(sweep, expected_m, events);
+            let pose = tracker.filter.pose();
+            let expected = |beam: &Beam| {
+                let map_from_sensor = pose * beam.robot_from_sensor;
+                let expected = || expect::expected(&self.grid, map_from_sensor, beam.half_angle_rad, self.max_range_m);
+                if is_lost { None } else { expected() }
+            };
+            self.detector.inspect(sweep, expected, events);
             self.follow(sweep, events);
         } else {
             self.detector.inspect(sweep, |_| None, events);
