@@ -10,6 +10,7 @@
 //! The map frame has its origin where the robot started and its axes along the building's walls. Poses of the sweeps before the axis
 //! was found follow at once when it is.
 
+mod beginning;
 mod expect;
 mod lost;
 
@@ -22,13 +23,12 @@ use crate::mapping::grid::{Facing, OccupancyGrid};
 use crate::mapping::raster::Raster;
 use crate::memory::{Impossible, Memory};
 use crate::orientation::axis::{Axis, AxisFinder};
-use crate::orientation::start;
 use crate::position::beam_model::sight;
 use crate::position::tracker::{Tracker, Use, Wall};
 use crate::sweep::{Beam, Sweep};
 use crate::time::Timestamp;
+use beginning::{Beginning, Begun};
 use lost::Lost;
-use std::f64::consts::FRAC_PI_2;
 
 /// The walls method at work.
 #[derive(Debug)]
@@ -38,8 +38,7 @@ pub struct Walls {
     detector: Detector,
     axis: AxisFinder,
     axis_sweeps: usize,
-    waiting: Vec<Sweep>,
-    travel_m: f64,
+    beginning: Beginning,
     tracker: Option<Tracker>,
     grid: OccupancyGrid,
     /// Whether the ring has beams enough to tell clutter from another place.
@@ -50,18 +49,8 @@ pub struct Walls {
     sure: (u64, Timestamp),
 }
 
-/// The first axis is sought every so many sweeps, once the robot has driven far enough for its returns to agree pair by pair: a ring
-/// of 8 needs 3 m, one of 32 a sixteenth of that. After the most it is not waited for any longer.
-const FIRST_SWEEPS: usize = 25;
-const FIRST_TRAVEL_M: f64 = 3.0 * 8.0 * 8.0;
-/// A lone slanted thing near the start must not pass for the building.
-const LEAST_TRAVEL_M: f64 = 0.6;
-const MOST_SWEEPS: usize = 300;
 /// A robot that was put back by hand stands this far from where it stood, metres.
 const RESUME_SIGMA_M: f64 = 0.1;
-/// The first axis must beat every other direction this much, or is waited for, but no longer than so many sweeps.
-const LEAD: f64 = 1.15;
-const LEAD_SWEEPS: usize = 100;
 const AXIS_SIGMA_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
 /// Fewer sensors raise false alarms: of 8, one drive in three.
 const LEAST_SENSORS: usize = 12;
@@ -88,8 +77,7 @@ impl Walls {
             detector: Detector::new(ring, config.ring.max_range_m),
             axis: AxisFinder::default(),
             axis_sweeps: 0,
-            waiting: Vec::with_capacity(MOST_SWEEPS),
-            travel_m: 0.0,
+            beginning: Beginning::new(),
             tracker: None,
             grid: OccupancyGrid::new(config.map.cell_m),
             can_tell: ring.len() >= LEAST_SENSORS,
@@ -160,7 +148,7 @@ impl Walls {
     /// Uses one sweep.
     pub fn update(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
         if let Some(tracker) = &mut self.tracker {
-            tracker.predict(sweep);
+            tracker.predict(sweep.left_m, sweep.right_m);
             tracker.expect(sweep);
             let is_lost = self.lost.is_some();
             let pose = tracker.filter.pose();
@@ -203,31 +191,12 @@ impl Walls {
 
     /// Gathers the first sweeps until they agree on the building's axis, then uses them all.
     fn seek(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
-        self.waiting.push(sweep.clone());
-        let waited = self.waiting.len();
-        self.travel_m += 0.5 * (sweep.left_m + sweep.right_m).abs();
-        let enough_m = (FIRST_TRAVEL_M / (sweep.beams.len() as f64).powi(2)).max(LEAST_TRAVEL_M);
-        let is_time = self.travel_m >= enough_m && waited.is_multiple_of(FIRST_SWEEPS);
-        if waited < MOST_SWEEPS && !is_time {
-            return;
-        }
-        let axis = start::find(&mut self.axis, &self.waiting, &self.wheels);
-        let axis = axis.filter(Axis::is_believed);
-        let least_lead = if waited < LEAD_SWEEPS { LEAD } else { 1.0 };
-        if waited < MOST_SWEEPS && axis.is_none_or(|axis| axis.lead < least_lead) {
-            return;
-        }
-        // Without an axis any direction is as good as another: the first heading becomes the map's x axis.
-        let heading_rad = axis.map_or(0.0, |axis| -axis.angle_rad);
-        let sigma_rad = if axis.is_some() { AXIS_SIGMA_RAD } else { 0.25 * FRAC_PI_2 };
-        self.tracker = Some(Tracker::new(Pose2::new(0.0, 0.0, heading_rad), sigma_rad, self.wheels));
-        self.axis.clear();
-        for mut sweep in std::mem::take(&mut self.waiting) {
-            if sweep.index == 0 {
-                (sweep.left_m, sweep.right_m) = (0.0, 0.0);
-            }
+        let begun = self.beginning.add(sweep, &self.wheels, |sensor| self.detector.is_trusted(sensor));
+        let Some(Begun { tracker, sweeps }) = begun else { return };
+        self.tracker = Some(tracker);
+        for sweep in sweeps {
             if let Some(tracker) = &mut self.tracker {
-                tracker.predict(&sweep);
+                tracker.predict(sweep.left_m, sweep.right_m);
                 tracker.expect(&sweep);
             }
             self.follow(&sweep, events);

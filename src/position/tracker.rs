@@ -120,9 +120,9 @@ impl Tracker {
         self.nis
     }
 
-    /// Moves the pose with the wheels.
-    pub fn predict(&mut self, sweep: &Sweep) {
-        self.filter.predict(sweep.left_m, sweep.right_m);
+    /// Moves the pose with the wheels, which rolled so far as the configured ones would.
+    pub fn predict(&mut self, left_m: f64, right_m: f64) {
+        self.filter.predict(left_m, right_m);
     }
 
     /// Works out at which range each beam must hear a wall that is well known and squarely in its cone.
@@ -168,7 +168,7 @@ impl Tracker {
             self.matches.push(found);
             if sighting.is_some() {
                 let is_known = found.is_some_and(|wall| self.walls[wall].hits >= WELL_KNOWN);
-                self.watch.weigh(is_known, self.expected[sensor], beam.range_m);
+                self.watch.weigh(is_known, self.expected_m(sensor), beam.range_m);
             }
             self.uses.push(match (sighting, found) {
                 (Some(sighting), Some(_)) => Use::Wall(sighting),

@@ -1,0 +1,112 @@
+//! The first sweeps: they wait until they agree on the building's axis, and on the robot's first heading in it.
+//!
+//! The first heading is the frame of everything after it, so two views of it are taken. The Hough transform lays all the returns out along the
+//! wheels' path ([`crate::orientation::start`]). From there the filter follows the sweeps to the last and back again, with
+//! the walls that it learnt on the way: at the first sweep it knows what all of them know together. Near each other the two are averaged;
+//! the farther they are apart, the likelier it is that the wheels bent the path, and the less the first is worth.
+
+use crate::event::Calibration;
+use crate::geometry::{Pose2, wrap_angle};
+use crate::orientation::axis::{Axis, AxisFinder};
+use crate::orientation::start;
+use crate::position::tracker::Tracker;
+use crate::sweep::Sweep;
+use std::f64::consts::FRAC_PI_2;
+
+/// The sweeps that wait.
+#[derive(Debug)]
+pub(super) struct Beginning {
+    finder: AxisFinder,
+    sweeps: Vec<Sweep>,
+    travel_m: f64,
+}
+
+/// Where to begin, and with what.
+#[derive(Debug)]
+pub(super) struct Begun {
+    /// A tracker at the first sweep.
+    pub(super) tracker: Tracker,
+    /// All the sweeps that waited.
+    pub(super) sweeps: Vec<Sweep>,
+}
+
+/// The axis is sought every so many sweeps, once the robot has driven far enough for its returns to agree pair by pair: a ring
+/// of 8 needs 3 m, one of 32 a sixteenth of that.
+const EVERY_SWEEPS: usize = 25;
+const TRAVEL_M: f64 = 3.0 * 8.0 * 8.0;
+/// A lone slanted thing near the start must not pass for the building.
+const LEAST_TRAVEL_M: f64 = 0.6;
+/// After so many the axis is not waited for any longer.
+const MOST_SWEEPS: usize = 300;
+/// The axis must beat every other direction this much at first, and by so much less per metre driven: furniture set at an angle leads
+/// for a while, but the longer the way, the more of the building is heard.
+const MOST_LEAD: f64 = 1.8;
+const LEAD: f64 = 2.4;
+const LEAD_PER_M: f64 = 0.2;
+/// The first heading's standard deviation before the filter has had a say.
+const SIGMA_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
+/// Two views this far apart leave a fifth of the weight to the first.
+const APART_RAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
+
+impl Beginning {
+    /// Nothing heard yet.
+    pub(super) fn new() -> Self {
+        Self { finder: AxisFinder::default(), sweeps: Vec::with_capacity(MOST_SWEEPS), travel_m: 0.0 }
+    }
+
+    /// Takes a sweep; a beginning once there is one. A robot that stands says nothing new: such sweeps are not kept.
+    pub(super) fn add(
+        &mut self,
+        sweep: &Sweep,
+        wheels: &Calibration,
+        is_trusted: impl Fn(usize) -> bool,
+    ) -> Option<Begun> {
+        let stands = sweep.left_m == 0.0 && sweep.right_m == 0.0;
+        if stands && self.sweeps.len() >= EVERY_SWEEPS {
+            return None;
+        }
+        self.sweeps.push(sweep.clone());
+        self.travel_m += 0.5 * (sweep.left_m + sweep.right_m).abs();
+        let enough_m = (TRAVEL_M / (sweep.beams.len() as f64).powi(2)).max(LEAST_TRAVEL_M);
+        let is_last = self.sweeps.len() >= MOST_SWEEPS;
+        if !is_last && (self.travel_m < enough_m || !self.sweeps.len().is_multiple_of(EVERY_SWEEPS)) {
+            return None;
+        }
+        let axis = start::find(&mut self.finder, &self.sweeps, wheels).filter(Axis::is_believed);
+        let least_lead = (LEAD - LEAD_PER_M * self.travel_m).min(MOST_LEAD);
+        if !is_last && axis.is_none_or(|axis| axis.lead < least_lead) {
+            return None;
+        }
+        let mut sweeps = std::mem::take(&mut self.sweeps);
+        if let Some(first) = sweeps.first_mut() {
+            (first.left_m, first.right_m) = (0.0, 0.0);
+        }
+        // Without an axis any direction is as good as another: the first heading becomes the map's x axis.
+        let tracker = axis.map_or_else(
+            || tracker_at(0.0, 0.25 * FRAC_PI_2, wheels),
+            |axis| look_back(-axis.angle_rad, &sweeps, wheels, is_trusted),
+        );
+        Some(Begun { tracker, sweeps })
+    }
+}
+
+fn tracker_at(heading_rad: f64, sigma_rad: f64, wheels: &Calibration) -> Tracker {
+    Tracker::new(Pose2::new(0.0, 0.0, heading_rad), sigma_rad, *wheels)
+}
+
+/// Follows the sweeps to the last and back; a tracker at the heading that the axis and the way back agree on.
+fn look_back(axis_rad: f64, sweeps: &[Sweep], wheels: &Calibration, is_trusted: impl Fn(usize) -> bool) -> Tracker {
+    let mut scout = tracker_at(axis_rad, SIGMA_RAD, wheels);
+    for sweep in sweeps {
+        scout.predict(sweep.left_m, sweep.right_m);
+        scout.correct(sweep, true, &is_trusted);
+    }
+    for pair in sweeps.windows(2).rev() {
+        scout.predict(-pair[1].left_m, -pair[1].right_m);
+        scout.correct(&pair[0], true, &is_trusted);
+    }
+    let (back_rad, sigma_rad) = (scout.filter.pose().theta_rad, scout.filter.pose_covariance()[(2, 2)].sqrt());
+    let apart_rad = wrap_angle(axis_rad - back_rad);
+    let weight = 0.5 / (1.0 + (apart_rad / APART_RAD).powi(2));
+    tracker_at(wrap_angle(back_rad + weight * apart_rad), sigma_rad, wheels)
+}
