@@ -22,7 +22,7 @@ use crate::mapping::cone::{self, Target};
 use crate::mapping::grid::{Facing, OccupancyGrid};
 use crate::mapping::raster::Raster;
 use crate::memory::{Impossible, Memory};
-use crate::orientation::axis::{Axis, AxisFinder};
+use crate::orientation::axis::AxisFinder;
 use crate::position::beam_model::sight;
 use crate::position::tracker::{Tracker, Use, Wall};
 use crate::sweep::{Beam, Sweep};
@@ -154,8 +154,8 @@ impl Walls {
             let pose = tracker.filter.pose();
             let expected = |beam: &Beam| {
                 let map_from_sensor = pose * beam.robot_from_sensor;
-                let expected = || expect::expected(&self.grid, map_from_sensor, beam.half_angle_rad, self.max_range_m);
-                if is_lost { None } else { expected() }
+                (!is_lost)
+                    .then(|| expect::expected(&self.grid, map_from_sensor, beam.half_angle_rad, self.max_range_m))?
             };
             self.detector.inspect(sweep, expected, events);
             self.follow(sweep, events);

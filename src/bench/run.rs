@@ -6,7 +6,7 @@ use crate::config::{Config, Method};
 use crate::event::{Estimate, Event, Input, Output};
 use crate::geometry::Pose2;
 use crate::metrics::{
-    Accuracy, AccuracyMeter, Detection, DetectionMeter, MapMeter, MapQuality, Pair, Pairing, TrueFault, building_frame,
+    Accuracy, AccuracyMeter, Detection, FaultMeter, MapMeter, MapQuality, Pair, Pairing, TrueFault, building_frame,
     mean_nees,
 };
 use crate::pipeline::Pipeline;
@@ -68,7 +68,7 @@ pub struct Drive {
     pub pipeline: Pipeline,
     /// Microseconds of computing for each sweep.
     pub sweeps_us: Vec<f64>,
-    faults: DetectionMeter,
+    faults: FaultMeter,
     nis: (f64, f64),
 }
 
@@ -134,7 +134,7 @@ pub fn follow(case: &Case, world: &World, records: &[Record], faults: Vec<TrueFa
     let mut drive = Drive {
         pairs: Vec::new(),
         pipeline: Pipeline::new(&Config { method: case.method, ..Config::default() }),
-        faults: DetectionMeter::new(usize::from(case.sensors), faults),
+        faults: FaultMeter::new(usize::from(case.sensors), faults),
         nis: (0.0, 0.0),
         sweeps_us: Vec::new(),
     };

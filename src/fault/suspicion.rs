@@ -44,7 +44,7 @@ const BLANKED: f64 = 0.75;
 const ANSWER: f64 = -2.0;
 /// Silence where the map is sure that something is heard. Its sweeps are not independent, for the map may be wrong: the logarithm of the
 /// share of silent sweeps alone would be four times as much.
-const SILENT_BY_MAP: f64 = 1.75;
+const SILENT_BY_MAP: f64 = 1.6;
 /// Silence between neighbours, per metre of wall that passes. Doors, gaps and walls hidden by what mirrors the sound away keep a
 /// healthy sensor silent, too, however long the robot looks at them, but seldom for more than half a metre.
 const SILENT_AT_WALL: f64 = 11.0;
@@ -56,10 +56,10 @@ const MOST_SILENT: f64 = 0.9;
 const HEARD: f64 = -3.0;
 /// A reading that leaps from the last one and that PCA over three sweeps cannot explain: most of a noisy sensor's, one of thirty of a
 /// healthy one's, but in clutter a few in a row.
-const JUMP: f64 = 1.7;
+const JUMP: f64 = 1.6;
 const NO_JUMP: f64 = -1.6;
 /// One without the other: an outlier spoils the three blocks that hold it, and a step from one surface to the next leaps once.
-const HALF_JUMP: f64 = -0.5;
+const HALF_JUMP: f64 = -0.3;
 /// Root of the PCA residual from which on the common motion does not explain a reading, metres.
 const UNEXPLAINED_M: f64 = 0.05;
 const LEAP_M: f64 = 0.15;
