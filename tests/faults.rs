@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
+use slamd::bench::table::quantile;
 use slamd::capture::Record;
 use slamd::config::Config;
 use slamd::event::{Event, FaultEvent, FaultKind, Input, Output, SensorState};
@@ -203,14 +204,12 @@ fn faults_put_on_a_real_ring_are_found() {
             sums.add(&judge(&ring, &rows, &[0, 1, 2].map(fault)));
         }
         let (precision, recall) = (sums.precision().unwrap(), sums.recall().unwrap());
-        let mut latencies_s: Vec<f64> = sums.kinds.iter().flat_map(|kind| kind.latencies_s.clone()).collect();
-        latencies_s.sort_by(f64::total_cmp);
-        let quantile = |share: f64| latencies_s[(share * (latencies_s.len() - 1) as f64).round() as usize];
+        let latencies_s: Vec<f64> = sums.kinds.iter().flat_map(|kind| kind.latencies_s.clone()).collect();
         println!(
             "| {} | {precision:.3} | {recall:.3} | {:.1} / {:.1} | {} of 24 |",
             kind.word(),
-            quantile(0.5),
-            quantile(0.9),
+            quantile(&latencies_s, 0.5),
+            quantile(&latencies_s, 0.9),
             latencies_s.len(),
         );
         assert!(precision > 0.95 && recall > 0.95, "{kind:?}: {precision} {recall}");

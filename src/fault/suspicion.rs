@@ -308,7 +308,7 @@ mod tests {
 
     #[test]
     fn a_sensor_that_hears_now_one_surface_now_another_is_not_noisy() {
-        let clutter = |count: usize| Evidence { residual_m: 0.3, ..evidence(if count % 2 == 0 { 0.9 } else { 1.6 }) };
+        let clutter = |count: usize| Evidence { residual_m: 0.3, ..evidence(0.9 + 0.7 * (count % 2) as f64) };
         assert_eq!(until_changed(&mut healthy(), clutter).1, SensorState::Healthy);
     }
 
