@@ -24,11 +24,15 @@ use slamd::time::Timestamp;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 /// How long each drive takes, and how much of the first is golden.
 const DRIVE_S: u64 = 90;
 const GOLDEN_S: u64 = 60;
+/// Drives in lock-step whose mean error is held against the simulator's own board. The noise of the two differs draw by draw, and a drive's
+/// error by half from the mean: fewer drives would compare the draws, not the boards.
+const LOCK_STEP_DRIVES: u64 = 24;
 /// A board in real time wants a core for itself.
 static MACHINE: Mutex<()> = Mutex::new(());
 
@@ -112,23 +116,42 @@ fn the_emulated_board_maps_through_the_real_program() {
         let wires = [1, 2, 3].map(|seed| scope.spawn(move || over_the_wire(seed)));
         wires.map(|wire| wire.join().unwrap())
     });
-    let (mut emulated, mut simulated) = (Vec::new(), Vec::new());
-    for seed in 1..=8 {
-        emulated.push(in_lock_step(seed));
-        simulated.push(direct(seed));
-        println!("seed {seed}: emulated {:?}, simulated {:?}", emulated.last(), simulated.last());
+    let pairs = in_pairs(LOCK_STEP_DRIVES);
+    for (seed, (emulated, simulated)) in (1..).zip(&pairs) {
+        println!("seed {seed}: ATE emulated {:.4} m, simulated {:.4} m", emulated.ate_m, simulated.ate_m);
     }
     println!("over the wire: {wires:?}");
+    let (emulated, simulated): (Vec<_>, Vec<_>) = pairs.into_iter().unzip();
     let (emulated_m, simulated_m) = (mean_ate_m(&emulated), mean_ate_m(&simulated));
     let (wire_m, wire_simulated_m) = (mean_ate_m(&wires), mean_ate_m(&simulated[..wires.len()]));
     println!(
-        "mean ATE: emulated {emulated_m:.4} m, simulated {simulated_m:.4} m; pictures in {}",
+        "mean ATE: emulated {emulated_m:.4} m, simulated {simulated_m:.4} m, {:.2} times; pictures in {}",
+        emulated_m / simulated_m,
         output("").display()
     );
     println!("          by slamd --port {wire_m:.4} m, simulated {wire_simulated_m:.4} m");
-    // Means over so few short drives scatter by more than they differ: they are bounded, and printed for comparison.
-    assert!(emulated_m <= 0.04, "{emulated_m} m against {simulated_m} m");
+    assert!(emulated_m <= 1.2 * simulated_m, "{emulated_m} m against {simulated_m} m");
+    // Three drives scatter by more than they differ, and a busy machine loses bytes: bounded, and printed for comparison.
     assert!(wire_m <= 0.15, "{wire_m} m against {wire_simulated_m} m");
+}
+
+/// Drives with the emulated and the simulated board, on all cores.
+fn in_pairs(drives: u64) -> Vec<(Accuracy, Accuracy)> {
+    let next = AtomicU64::new(1);
+    let work = || {
+        let mut done = Vec::new();
+        while let Some(seed) = Some(next.fetch_add(1, Ordering::Relaxed)).filter(|seed| *seed <= drives) {
+            done.push((seed, (in_lock_step(seed), direct(seed))));
+        }
+        done
+    };
+    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let mut pairs: Vec<_> = std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..cores).map(|_| scope.spawn(work)).collect();
+        workers.into_iter().flat_map(|worker| worker.join().unwrap()).collect()
+    });
+    pairs.sort_by_key(|(seed, _)| *seed);
+    pairs.into_iter().map(|(_, pair)| pair).collect()
 }
 
 /// After a change of the firmware the capture is made anew: `SLAMD_WRITE_GOLDEN=1 cargo test --test emulator golden`.

@@ -27,7 +27,7 @@ pub fn tables(cases: &[Case], runs: &[Vec<Run>]) -> String {
 #[must_use]
 pub fn document(command: &str, cases: &[Case], runs: &[Vec<Run>], before: &str) -> String {
     let (cpu, tables, targets) = (machine::cpu(), tables(cases, runs), targets::targets(cases, runs));
-    let by_hand = before.split_once(BY_HAND).map_or("\n", |(_, rest)| rest);
+    let by_hand = by_hand(before);
     let seconds = cases.first().map_or(0.0, |case| case.seconds);
     format!(
         "\
@@ -41,8 +41,14 @@ measured on {cpu}.
 ## Targets
 
 {targets}
-{BY_HAND}{by_hand}"
+{BY_HAND}
+{by_hand}"
     )
+}
+
+/// What follows the line [`BY_HAND`]; the introduction, which quotes it, is none.
+fn by_hand(before: &str) -> &str {
+    before.split_once(&format!("\n{BY_HAND}\n")).map_or("", |(_, rest)| rest)
 }
 
 const MEANINGS: &str = "\

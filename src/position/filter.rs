@@ -22,8 +22,13 @@ pub const MAX_WALLS: usize = 160;
 
 pub(super) type Robot = SVector<f64, ROBOT>;
 
-/// Random error of a wheel's travel: variance per metre rolled, m.
+/// Random error of a wheel's travel: variance per metre rolled, m, of wheels that slip least.
 const WHEEL_NOISE_M: f64 = 3.5e-5;
+/// Wheels that slip most have this many times that variance; it is learnt over about a hundred sweeps.
+const MOST_SLIP: f64 = 10.0;
+const SLIP_GAIN: f64 = 0.01;
+/// A single innovation says no more of the slip than this normalised square.
+const MOST_NIS: f64 = 9.0;
 /// Wheels wear and carpets differ: variance of both per metre rolled.
 const WHEEL_DRIFT_M: f64 = 2e-8;
 
@@ -36,6 +41,8 @@ pub struct Filter {
     pub(super) cross: Vec<Robot>,
     pub(super) wall_cov: Vec<f64>,
     pub(super) nominal: Calibration,
+    /// The wheels' random error as a multiple of the least variance.
+    pub(super) slip: f64,
     column: Vec<f64>,
 }
 
@@ -66,6 +73,7 @@ impl Filter {
             cross: Vec::with_capacity(MAX_WALLS),
             wall_cov: vec![0.0; MAX_WALLS * MAX_WALLS],
             nominal,
+            slip: 1.0,
             column: vec![0.0; MAX_WALLS],
         }
     }
@@ -136,7 +144,8 @@ impl Filter {
             f[(row, 3)] = by_ratio[row];
             f[(row, 4)] = by_base[row];
         }
-        let (left_noise, right_noise) = (WHEEL_NOISE_M * left.abs(), WHEEL_NOISE_M * right.abs());
+        let noise_m = self.slip * WHEEL_NOISE_M;
+        let (left_noise, right_noise) = (noise_m * left.abs(), noise_m * right.abs());
         let by_left = by_distance * 0.5 - by_turn / base;
         let by_right = by_distance * 0.5 + by_turn / base;
         let mut q = by_left * by_left.transpose() * left_noise + by_right * by_right.transpose() * right_noise;
@@ -178,6 +187,13 @@ impl Filter {
             self.column[i] = self.cross[i][2];
         }
         self.correct(&robot_column, s, innovation_rad);
+    }
+
+    /// Learns how much the wheels slip: headings read off the walls whose normalised innovation squared `nis` is more than 1 on the
+    /// mean say that the prediction between them is worse than believed.
+    pub fn learn_slip(&mut self, nis: f64) {
+        let slip = self.slip * libm::exp(SLIP_GAIN * (nis.min(MOST_NIS) - 1.0));
+        self.slip = slip.clamp(1.0, MOST_SLIP);
     }
 
     /// Two walls are one: their offsets are made equal to within a variance, and the second is dropped.

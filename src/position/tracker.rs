@@ -179,6 +179,7 @@ impl Tracker {
         let (mut nis_sum, mut seen) = (0.0, 0.0);
         if let Some((innovation_rad, variance)) = self.turn() {
             let distance = innovation_rad.powi(2) / (self.filter.pose_covariance()[(2, 2)] + variance);
+            self.filter.learn_slip(distance);
             if distance < TURN_GATE_SIGMA * TURN_GATE_SIGMA {
                 nis_sum += distance;
                 seen += 1.0;
