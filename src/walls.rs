@@ -59,6 +59,8 @@ const HERE_M: f64 = 0.25;
 const HERE_RAD: f64 = 0.15;
 /// Sweeps between two checks of the heading.
 const CHECK_SWEEPS: usize = 25;
+/// A heading known to this is known better than a check could tell.
+const DOUBT_RAD: f64 = 1.0 * std::f64::consts::PI / 180.0;
 /// A check farther off than this speaks of another axis, not of drift.
 const CHECK_RAD: f64 = 6.0 * std::f64::consts::PI / 180.0;
 /// A sensor clears its cone in one of so many sweeps; what it hears is marked in each.
@@ -264,7 +266,7 @@ impl Walls {
         self.lost = None;
     }
 
-    /// Every few seconds the axis of what was just heard must be the building's.
+    /// While the heading is in doubt, the axis of what was just heard is sought every few seconds, and must be the building's.
     fn check_heading(&mut self, sweep: &Sweep) {
         let Some(tracker) = &mut self.tracker else { return };
         for (sensor, beam) in sweep.beams.iter().enumerate() {
@@ -276,8 +278,10 @@ impl Walls {
         if self.axis_sweeps < CHECK_SWEEPS {
             return;
         }
-        let believed = self.axis.find().filter(|axis| axis.is_believed() && axis.angle_rad.abs() < CHECK_RAD);
-        if let Some(axis) = believed {
+        let is_in_doubt =
+            !tracker.watch().is_sure() || tracker.filter.pose_covariance()[(2, 2)] > DOUBT_RAD * DOUBT_RAD;
+        let axis = if is_in_doubt { self.axis.find() } else { None };
+        if let Some(axis) = axis.filter(|axis| axis.is_believed() && axis.angle_rad.abs() < CHECK_RAD) {
             tracker.filter.update_heading(-axis.angle_rad, AXIS_SIGMA_RAD * AXIS_SIGMA_RAD);
         }
         self.axis.clear();

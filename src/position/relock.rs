@@ -53,7 +53,7 @@ const LEAST_LEAD: f64 = 0.08;
 /// Wheels slip by little more often than by much: what a metre, a move at the most, and a quarter turn take from the score.
 const PER_METRE: f64 = 0.2;
 const PER_MOVE: f64 = 0.25;
-const PER_QUARTER: f64 = 0.25;
+const PER_QUARTER: f64 = 0.35;
 
 /// The one place from which the walls explain the returns, each a believed pose and a beam; `axis_rad` is the building's axis in the believed map.
 #[must_use]
