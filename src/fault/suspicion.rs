@@ -56,10 +56,10 @@ const MOST_SILENT: f64 = 0.9;
 const HEARD: f64 = -3.0;
 /// A reading that leaps from the last one and that PCA over three sweeps cannot explain: most of a noisy sensor's, one of thirty of a
 /// healthy one's, but in clutter a few in a row.
-const JUMP: f64 = 1.6;
-const NO_JUMP: f64 = -1.6;
+const JUMP: f64 = 1.5;
+const NO_JUMP: f64 = -1.3;
 /// One without the other: an outlier spoils the three blocks that hold it, and a step from one surface to the next leaps once.
-const HALF_JUMP: f64 = -0.5;
+const HALF_JUMP: f64 = -0.2;
 /// Root of the PCA residual from which on the common motion does not explain a reading, metres.
 const UNEXPLAINED_M: f64 = 0.05;
 const LEAP_M: f64 = 0.15;
