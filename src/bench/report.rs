@@ -58,11 +58,12 @@ const MEANINGS: &str = "\
   the estimate's time. `encoders alone` is the ATE of the wheels without any sonar.
 - **lost at end**: the last position is more than 0.5 m off. **ever**: some position is; a drive whose ATE exceeds 0.5 m is among these.
 - **map precision**: share of occupied cells within 5 cm of a true wall. **coverage**: share of the visible walls that have an occupied cell
-  within 5 cm; visible is what was in line of sight of the true path, within 3 m and up to 45 degrees off its normal. Map and truth are aligned
-  at the first pose only.
+  within 5 cm; visible is what was in line of sight of the true path, within 3 m and up to 45 degrees off its normal. The map is scored in
+  the frame that it is drawn in: origin at the start, axes along the walls (the paper's: aligned at the first pose).
 - **NIS, NEES**: per degree of freedom, 1 for a consistent filter, more for one that believes itself too good. NEES is taken in the
   map frame as it is defined: origin at the start, axes along the walls.
-- **us per sweep**: time that the thread computed, from a sweep's bytes to its estimate and map, all of it.
+- **us per sweep**: time that the thread computed, from a sweep's bytes to its estimate and map, all of it. The first sweeps, which wait for the
+  building's axis and are used all at once, count as one.
 - **precision, recall** of faults: in sensor-seconds. Precision of a kind: of the time for which sensors were declared to be of this kind,
   the share in which they failed in whatever way. Recall of a kind: of the time for which sensors were of this kind, the share in which they were
   declared. **latency**: from the fault's begin, or the first sweep, until the verdict is out; with faults from the start that contains the

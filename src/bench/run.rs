@@ -41,7 +41,8 @@ pub struct Run {
     pub nis: f64,
     /// Mean normalised estimation error squared per degree of freedom.
     pub nees: f64,
-    /// Microseconds of computing for each sweep, from its bytes to the estimate.
+    /// Microseconds of computing for each sweep, from its bytes to the estimate; the first sweeps, which are used all at once when the building's
+    /// axis is found, are one.
     pub sweeps_us: Vec<f64>,
 }
 
@@ -105,7 +106,7 @@ pub fn run(case: &Case, world: &World, seed: u64) -> Run {
             .pipeline
             .ring()
             .map_or_else(Vec::new, |ring| earliest_s(case, world, &records, ring, &faults)),
-        map: map.score(&drive.pipeline.raster(), world_from_map),
+        map: map.score(&drive.pipeline.raster(), true_frame),
         nis: drive.nis.0 / drive.nis.1,
         nees: mean_nees(&drive.pairs, true_frame).unwrap_or(f64::NAN),
         sweeps_us: drive.sweeps_us,
@@ -179,9 +180,9 @@ impl Drive {
                 }
             }
         }
-        // The first sweeps are used all at once, when the building's axis is found.
-        let each_us = (computed_us() - begin_us) / f64::from(sweeps.max(1));
-        self.sweeps_us.extend((0..sweeps).map(|_| each_us));
+        if sweeps > 0 {
+            self.sweeps_us.push(computed_us() - begin_us);
+        }
         let (done, rest) = records.split_at(used);
         for record in done {
             if let Record::Truth { at, pose } = record {

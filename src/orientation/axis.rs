@@ -57,6 +57,8 @@ const RHO_STEP_M: f64 = 0.03;
 const RHO_BINS: usize = 512;
 /// Farther outside the cone a wall is not heard by a sonar.
 const OBLIQUE_RAD: f64 = 30.0 * std::f64::consts::PI / 180.0;
+/// Directions on each side of a known one that are looked at anew.
+const NEAR: usize = 8;
 /// Directions on each side of the best that shape its peak.
 const PEAK: usize = 6;
 /// Directions on each side of the best that are its own flank.
@@ -102,6 +104,16 @@ impl AxisFinder {
         let angle_rad = (best as f64 + offset) * STEP_RAD;
         let folded = if angle_rad > 0.5 * FRAC_PI_2 { angle_rad - FRAC_PI_2 } else { angle_rad };
         (median > 0.0).then_some(Axis { angle_rad: folded, contrast: top / median, lead: top / rival, strength: top })
+    }
+
+    /// How strongly the returns agree on the best direction within [`NEAR`] steps of `angle_rad`; none without returns.
+    ///
+    /// A fifth of the work of [`Self::find`], where only the same returns laid out a little differently are to be compared.
+    pub fn find_near(&mut self, angle_rad: f64) -> Option<f64> {
+        let centre = self.arcs.last()?.origin;
+        let nearest = libm::round(angle_rad / STEP_RAD);
+        let steps = (0..=2 * NEAR).map(|step| (nearest + step as f64 - NEAR as f64) * STEP_RAD);
+        steps.map(|theta_rad| self.score(theta_rad, centre)).max_by(f64::total_cmp)
     }
 
     /// The best score of a direction that lies apart from the best one.

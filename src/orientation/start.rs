@@ -21,35 +21,33 @@ const MOST_RETURNS: usize = 1_600;
 type Deviation = [f64; 2];
 
 /// The building's axis in the frame of the robot at the first of `sweeps`; none without returns.
-///
-/// `finder` is left holding the returns of the last try.
 pub fn find(finder: &mut AxisFinder, sweeps: &[Sweep], wheels: &Calibration) -> Option<Axis> {
-    let mut best = attempt(finder, sweeps, wheels, [0.0; 2])?;
+    lay_out(finder, sweeps, wheels, [0.0; 2]);
+    let first = finder.find()?;
+    let (mut best, mut most) = ([0.0; 2], libm::log(first.strength));
     for reach in ROUNDS {
-        let [ratio, base] = best.deviation;
+        let [ratio, base] = best;
         for (i, j) in [-1.0, 0.0, 1.0].into_iter().flat_map(|i| [-1.0, 0.0, 1.0].map(|j| (i, j))) {
             if (i, j) == (0.0, 0.0) {
                 continue;
             }
             let deviation = [ratio + i * reach, base + j * reach];
-            if let Some(other) = attempt(finder, sweeps, wheels, deviation)
-                && other.worth > best.worth
-            {
-                best = other;
+            lay_out(finder, sweeps, wheels, deviation);
+            let prior = 0.5 * (deviation[0] * deviation[0] + deviation[1] * deviation[1]);
+            let worth = libm::log(finder.find_near(first.angle_rad)?) - PRIOR * prior;
+            if worth > most {
+                (best, most) = (deviation, worth);
             }
         }
     }
-    Some(best.axis)
+    lay_out(finder, sweeps, wheels, best);
+    let axis = finder.find();
+    finder.clear();
+    axis
 }
 
-/// What a pair of wheels makes of the returns.
-struct Attempt {
-    deviation: Deviation,
-    axis: Axis,
-    worth: f64,
-}
-
-fn attempt(finder: &mut AxisFinder, sweeps: &[Sweep], wheels: &Calibration, deviation: Deviation) -> Option<Attempt> {
+/// Lays the returns out along the path that wheels with this deviation roll.
+fn lay_out(finder: &mut AxisFinder, sweeps: &[Sweep], wheels: &Calibration, deviation: Deviation) {
     let ratio = deviation[0] * wheels.wheel_ratio_sigma;
     let base_m = wheels.wheel_base_m + deviation[1] * wheels.wheel_base_sigma_m;
     let returns: usize = sweeps.iter().map(|sweep| sweep.beams.len()).sum();
@@ -65,7 +63,4 @@ fn attempt(finder: &mut AxisFinder, sweeps: &[Sweep], wheels: &Calibration, devi
             sweep.beams.iter().for_each(|beam| finder.add(pose, beam));
         }
     }
-    let axis = finder.find()?;
-    let prior = 0.5 * (deviation[0] * deviation[0] + deviation[1] * deviation[1]);
-    Some(Attempt { deviation, worth: libm::log(axis.strength) - PRIOR * prior, axis })
 }

@@ -222,7 +222,12 @@ impl Session {
             }
             Event::Position(PositionEvent { is_known: true, reason, .. }) => tracing::info!("{reason}"),
             Event::Position(PositionEvent { reason, .. }) => tracing::warn!("{reason}"),
-            Event::Estimate(estimate) => self.estimate = Some(estimate),
+            Event::Estimate(estimate) => {
+                if self.estimate.is_none() {
+                    tracing::info!("poses and map begin after {:.0} s", self.now.seconds());
+                }
+                self.estimate = Some(estimate);
+            }
         }
     }
 }
