@@ -11,6 +11,7 @@
 //! was found follow at once when it is.
 
 mod beginning;
+mod expect;
 mod insight;
 mod lost;
 
@@ -153,8 +154,13 @@ impl Walls {
             tracker.predict(sweep.left_m, sweep.right_m);
             tracker.expect(sweep);
             let is_lost = self.lost.is_some();
-            let expected_m = |sensor: usize| if is_lost { None } else { tracker.expected_m(sensor) };
-            self.detector.inspect(sweep, expected_m, events);
+            let pose = tracker.filter.pose();
+            let expected = |beam: &Beam| {
+                let map_from_sensor = pose * beam.robot_from_sensor;
+                (!is_lost)
+                    .then(|| expect::expected(&self.grid, map_from_sensor, beam.half_angle_rad, self.max_range_m))?
+            };
+            self.detector.inspect(sweep, expected, events);
             self.follow(sweep, events);
         } else {
             self.detector.inspect(sweep, |_| None, events);

@@ -67,6 +67,7 @@ const MEANINGS: &str = "\
 - **precision, recall** of faults: in sensor-seconds. Precision of a kind: of the time for which sensors were declared to be of this kind,
   the share in which they failed in whatever way. Recall of a kind: of the time for which sensors were of this kind, the share in which they were
   declared. **latency**: from the fault's begin, or the first sweep, until the verdict is out; with faults from the start that contains the
-  seconds in which the building's axis is sought. **false alarms**: verdicts on sensors that do not fail.
+  seconds in which the building's axis is sought. **at the earliest**: until a healthy sensor in the place of a saturated one would first have
+  heard something; before that no method can tell them apart. **false alarms**: verdicts on sensors that do not fail.
 - Median, p90 and the like are values that occurred: of 20, the median is the 11th.
 ";

@@ -1,12 +1,13 @@
 //! One simulated drive and everything that is measured of it.
 
 use super::case::Case;
+use super::earliest::earliest_s;
 use crate::capture::Record;
 use crate::config::{Config, Method};
 use crate::event::{Estimate, Event, Input, Output};
 use crate::geometry::Pose2;
 use crate::metrics::{
-    Accuracy, AccuracyMeter, Detection, DetectionMeter, MapMeter, MapQuality, Pair, Pairing, TrueFault, building_frame,
+    Accuracy, AccuracyMeter, Detection, FaultMeter, MapMeter, MapQuality, Pair, Pairing, TrueFault, building_frame,
     mean_nees,
 };
 use crate::pipeline::Pipeline;
@@ -32,6 +33,8 @@ pub struct Run {
     pub path_m: f64,
     /// The fault detector's sums.
     pub detection: Detection,
+    /// Seconds until each saturated sensor could first be told from a healthy one.
+    pub earliest_s: Vec<f64>,
     /// The map against the walls.
     pub map: MapQuality,
     /// Mean normalised innovation squared per wall seen; NaN where the method has none.
@@ -69,7 +72,7 @@ pub struct Drive {
     pub pipeline: Pipeline,
     /// Microseconds of computing for each sweep.
     pub sweeps_us: Vec<f64>,
-    faults: DetectionMeter,
+    faults: FaultMeter,
     nis: (f64, f64),
 }
 
@@ -80,7 +83,7 @@ pub struct Drive {
 #[must_use]
 pub fn run(case: &Case, world: &World, seed: u64) -> Run {
     let (records, faults) = simulate(case, world, seed);
-    let (drive, map) = follow(case, world, &records, faults);
+    let (drive, map) = follow(case, world, &records, faults.clone());
     let (mut estimate, mut odometry) = (AccuracyMeter::default(), AccuracyMeter::default());
     for pair in &drive.pairs {
         estimate.add(pair.estimate.pose, pair.truth);
@@ -99,6 +102,10 @@ pub fn run(case: &Case, world: &World, seed: u64) -> Run {
         odometry_ate_m: accuracy(&odometry).ate_m,
         path_m: drive.pairs.windows(2).map(|pair| step_m(pair[0].truth, pair[1].truth)).sum(),
         detection: drive.faults.detection().clone(),
+        earliest_s: drive
+            .pipeline
+            .ring()
+            .map_or_else(Vec::new, |ring| earliest_s(case, world, &records, ring, &faults)),
         map: map.score(&drive.pipeline.raster(), true_frame),
         nis: drive.nis.0 / drive.nis.1,
         nees: mean_nees(&drive.pairs, true_frame).unwrap_or(f64::NAN),
@@ -135,7 +142,7 @@ pub fn follow(case: &Case, world: &World, records: &[Record], faults: Vec<TrueFa
     let mut drive = Drive {
         pairs: Vec::new(),
         pipeline: Pipeline::new(&Config { method: case.method, ..Config::default() }),
-        faults: DetectionMeter::new(usize::from(case.sensors), faults),
+        faults: FaultMeter::new(usize::from(case.sensors), faults),
         nis: (0.0, 0.0),
         sweeps_us: Vec::new(),
     };

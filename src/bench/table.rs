@@ -2,6 +2,7 @@
 
 use super::case::Case;
 use super::run::Run;
+use crate::event::FaultKind;
 use crate::metrics::{Detection, KINDS};
 use std::fmt::Write as _;
 
@@ -12,8 +13,8 @@ pub const ACCURACY_HEAD: &str = "\
 
 /// Head of the table of faults; [`fault_rows`] follow.
 pub const FAULT_HEAD: &str = "\
-| world | beam | faults | sensors | odometry | kind | precision | recall | latency s, median / p90 | found | false alarms per sensor and hour |
-|---|---|---|---|---|---|---|---|---|---|---|";
+| world | beam | faults | sensors | odometry | kind | precision | recall | latency s, median / p90 | at the earliest | found | false alarms per sensor and hour |
+|---|---|---|---|---|---|---|---|---|---|---|---|";
 
 /// One row of the table of accuracy.
 #[must_use]
@@ -50,9 +51,11 @@ pub fn accuracy_row(case: &Case, runs: &[Run]) -> String {
 #[must_use]
 pub fn fault_rows(case: &Case, runs: &[Run]) -> String {
     let sums = pooled(runs);
+    let earliest_s: Vec<f64> = runs.iter().flat_map(|run| run.earliest_s.iter().copied()).collect();
     let row = |kind: &str, precision, recall, latencies_s: &[f64], faults: usize, alarms: String| {
+        let earliest = if kind == FaultKind::Saturated.word() { seconds(&earliest_s) } else { String::new() };
         format!(
-            "| {} | {kind} | {} | {} | {} | {} of {faults} | {alarms} |\n",
+            "| {} | {kind} | {} | {} | {} | {earliest} | {} of {faults} | {alarms} |\n",
             conditions(case),
             cell(precision, 2),
             cell(recall, 2),

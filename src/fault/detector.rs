@@ -3,9 +3,10 @@
 //! The evidence is what the board reports, what PCA over three instants leaves unexplained ([`super::pca`]), what the neighbours
 //! see ([`super::neighbours`]), and what the map expects. All but the map's is there from the first sweeps on, without a pose.
 
+use super::evidence::{Evidence, Expected};
 use super::neighbours::Neighbours;
 use super::pca::{PcaBlock, trust};
-use super::suspicion::{Evidence, Suspicion};
+use super::suspicion::Suspicion;
 use crate::event::{Event, FaultEvent, SensorState};
 use crate::geometry::Ring;
 use crate::memory::{Impossible, SensorMemory};
@@ -27,8 +28,6 @@ pub struct Detector {
 /// The variation from which on a sensor loses its say in the first component. Squared, the say of a wild sensor shrinks faster than
 /// its variation grows: even one of eight does not become the component and so hide itself.
 const CALM_M2: f64 = 0.002;
-/// A wall nearer to the farthest range than this may well be missed, metres.
-const MARGIN_M: f64 = 0.3;
 /// Within this part of the farthest range neighbours speak for each other; farther off, walls drop out one by one.
 const SURE_PART: f64 = 0.65;
 /// The wheels' distance that turns are reckoned with here, metres; a guess is good enough.
@@ -101,8 +100,8 @@ impl Detector {
         self.states.get(sensor) == Some(&SensorState::Healthy)
     }
 
-    /// Weighs one sweep. `expected_m` is the range at which a healthy sensor must hear a wall of the map.
-    pub fn inspect(&mut self, sweep: &Sweep, expected_m: impl Fn(usize) -> Option<f64>, events: &mut Vec<Event>) {
+    /// Weighs one sweep. `expected` is what a beam must hear by the map; it is asked only of beams that hear nothing.
+    pub fn inspect(&mut self, sweep: &Sweep, expected: impl Fn(&Beam) -> Option<Expected>, events: &mut Vec<Event>) {
         let has_residuals = self.pca.push(sweep);
         if has_residuals {
             self.pca.analyse(|_, variation_m2| trust(variation_m2, CALM_M2).powi(2));
@@ -114,19 +113,17 @@ impl Detector {
             if beam.no_measurement == Some(NoMeasurement::Lost) {
                 continue;
             }
-            let is_near = |range_m: &f64| *range_m < self.max_range_m - MARGIN_M;
             let seen = self.neighbours.seen(sensor, sweep, |other| self.is_trusted(other));
-            let (map_m, seen) =
-                (expected_m(sensor).filter(is_near), seen.filter(|seen| seen.range_m < SURE_PART * self.max_range_m));
-            let wall_m = map_m.or_else(|| seen.map(|seen| seen.range_m)).unwrap_or(0.0);
+            let seen = seen.filter(|seen| seen.range_m < SURE_PART * self.max_range_m);
             let evidence = Evidence {
                 range_m: beam.range_m,
                 no_measurement: beam.no_measurement,
                 residual_m: if has_residuals { self.pca.residuals_m2()[sensor].sqrt() } else { f64::NAN },
-                map_m,
+                expected: if beam.is_clear() { expected(beam) } else { None },
                 neighbours: seen,
                 moved_m: moved_m.max(stirred_m),
-                passed_m: passed_m(sweep, beam, wall_m).max(PASSED_WHILE_STIRRED * stirred_m),
+                passed_m: passed_m(sweep, beam, seen.map_or(0.0, |seen| seen.range_m))
+                    .max(PASSED_WHILE_STIRRED * stirred_m),
             };
             let suspicion = &mut self.sensors[sensor];
             suspicion.weigh(&evidence);

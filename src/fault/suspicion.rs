@@ -5,29 +5,10 @@
 //! A single odd reading is the pose filter's gate's business: it convicts nobody. A sensor that works again is trusted
 //! again, but each relapse makes that twice as slow, and a minute of good conduct undoes one.
 
-use super::neighbours::Seen;
+use super::evidence::Evidence;
 use crate::event::{FaultKind, SensorState};
 use crate::memory::{Impossible, SensorMemory};
 use crate::sweep::NoMeasurement;
-
-/// What one sweep says of one sensor.
-#[derive(Clone, Copy, Debug)]
-pub struct Evidence {
-    /// The reading, as REP-117.
-    pub range_m: f64,
-    /// Why there is none.
-    pub no_measurement: Option<NoMeasurement>,
-    /// Root of what PCA leaves unexplained, metres; NaN where unknown.
-    pub residual_m: f64,
-    /// Where the map has a wall that a healthy sensor must hear, metres.
-    pub map_m: Option<f64>,
-    /// The surface on which the neighbours on both sides agree.
-    pub neighbours: Option<Seen>,
-    /// How far the robot has moved since the last sweep, metres.
-    pub moved_m: f64,
-    /// How far the point the sensor looks at has moved across its beam since then, metres.
-    pub passed_m: f64,
-}
 
 /// The evidence gathered against one sensor.
 #[derive(Clone, Copy, Debug)]
@@ -35,6 +16,8 @@ pub struct Suspicion {
     /// By [`FaultKind`], the surest first.
     ratios: [f64; KINDS.len()],
     last_m: f64,
+    /// The reading before the last.
+    before_m: f64,
     heard_in_row: u32,
     silent_in_row: u32,
     state: SensorState,
@@ -59,40 +42,42 @@ const NO_ANSWER: f64 = 3.0;
 /// A board that blanks a reading because of crosstalk does so now and then to any sensor.
 const BLANKED: f64 = 0.75;
 const ANSWER: f64 = -2.0;
-/// Per metre of wall that passes in silence. Doors, gaps and walls hidden by what mirrors the sound away keep a healthy sensor
-/// silent, too, however long the robot looks at them, but seldom for more than half a metre.
+/// Silence where the map is sure that something is heard. Its sweeps are not independent, for the map may be wrong: the logarithm of the
+/// share of silent sweeps alone would be five times as much.
+const SILENT_BY_MAP: f64 = 1.3;
+/// Silence between neighbours, per metre of wall that passes. Doors, gaps and walls hidden by what mirrors the sound away keep a
+/// healthy sensor silent, too, however long the robot looks at them, but seldom for more than half a metre.
 const SILENT_AT_WALL: f64 = 11.0;
 /// Neighbours this far apart leave no room for a gap between them; the farther apart, the less they prove.
 const CLOSE_RAD: f64 = 25.0 * std::f64::consts::PI / 180.0;
-/// What one sweep may add at most.
+/// What one such sweep may add at most.
 const MOST_SILENT: f64 = 0.9;
 /// A sensor that never hears cannot be heard.
 const HEARD: f64 = -3.0;
-/// A reading that PCA cannot explain: four of five from a noisy sensor, one of five from a healthy one in clutter.
-const JUMP: f64 = 1.1;
-const NO_JUMP: f64 = -1.6;
-/// Root of the PCA residual from which a reading counts as a jump, metres.
-const JUMP_M: f64 = 0.09;
-/// Around a short silence, which is itself a jump to PCA, the readings before and after it are compared.
-const SHORT_SILENCE_SWEEPS: u32 = 3;
+/// A reading that leaps from the last one and that PCA over three sweeps cannot explain: most of a noisy sensor's, one of thirty of a
+/// healthy one's, but in clutter a few in a row.
+const JUMP: f64 = 1.5;
+const NO_JUMP: f64 = -1.3;
+/// One without the other: an outlier spoils the three blocks that hold it, and a step from one surface to the next leaps once.
+const HALF_JUMP: f64 = -0.2;
+/// Root of the PCA residual from which on the common motion does not explain a reading, metres.
+const UNEXPLAINED_M: f64 = 0.05;
 const LEAP_M: f64 = 0.15;
-const LEAP: f64 = 0.8;
-const NO_LEAP: f64 = -1.0;
-/// A jump that ends beyond the wall that the map or the neighbours know: healthy sensors look through doors, but do not jump there.
-const JUMP_BEYOND: f64 = 1.6;
-const BEYOND_M: f64 = 0.2;
+/// A sensor that hears now one surface, now another comes back to where it was, to this: that is no leap.
+const BACK_M: f64 = 0.05;
+/// A short silence is itself unexplained: then the leap over it decides.
+const SHORT_SILENCE_SWEEPS: u32 = 3;
 /// The same value, less than the echo's clock can tell, once more while the robot moves.
 const REPEATED: f64 = 0.35;
 const CHANGED: f64 = -6.0;
 const SAME_M: f64 = 4e-4;
-/// What a robot hears that has moved less is not new, metres.
-const MOVED_M: f64 = 0.012;
 
 impl Default for Suspicion {
     fn default() -> Self {
         Self {
             ratios: [0.0; KINDS.len()],
             last_m: f64::NAN,
+            before_m: f64::NAN,
             heard_in_row: 0,
             silent_in_row: 0,
             state: SensorState::Healthy,
@@ -143,10 +128,7 @@ impl Suspicion {
         if range_m.is_infinite() {
             (self.heard_in_row, self.silent_in_row) = (0, self.silent_in_row + 1);
             if range_m > 0.0 {
-                let by_map: f64 = if evidence.map_m.is_some() { 1.0 } else { 0.0 };
-                let by_neighbours = evidence.neighbours.map_or(0.0, |seen| (CLOSE_RAD / seen.span_rad).min(1.0));
-                let silent = SILENT_AT_WALL * by_map.max(by_neighbours) * evidence.passed_m;
-                self.add(FaultKind::Saturated, silent.min(MOST_SILENT));
+                self.add(FaultKind::Saturated, silence(evidence));
             }
             return;
         }
@@ -154,32 +136,24 @@ impl Suspicion {
         self.heard_in_row += 1;
         let leap_m = (range_m - self.last_m).abs();
         let is_same = leap_m < SAME_M;
-        self.last_m = range_m;
-        let novelty = (evidence.moved_m / MOVED_M).min(1.0);
-        self.add(FaultKind::Stuck, if is_same { novelty * REPEATED } else { CHANGED });
+        let is_back = (range_m - self.before_m).abs() < BACK_M;
+        (self.before_m, self.last_m) = (self.last_m, range_m);
+        self.add(FaultKind::Stuck, if is_same { evidence.novelty() * REPEATED } else { CHANGED });
+        let is_leap = leap_m > LEAP_M && !is_back;
         if self.silent_in_row > 0 && self.silent_in_row <= SHORT_SILENCE_SWEEPS {
-            self.add(FaultKind::Noisy, if leap_m > LEAP_M { LEAP } else { NO_LEAP });
-        } else if !is_same {
-            self.weigh_scatter(evidence);
+            self.add(FaultKind::Noisy, if is_leap { JUMP } else { NO_JUMP });
+        } else if !is_same && evidence.residual_m.is_finite() && self.heard_in_row >= 3 {
+            // Falling silent and being heard again are jumps of V, too, but say nothing of the scatter.
+            self.add(
+                FaultKind::Noisy,
+                match (is_leap, evidence.residual_m > UNEXPLAINED_M) {
+                    (true, true) => JUMP,
+                    (false, false) => NO_JUMP,
+                    _ => HALF_JUMP,
+                },
+            );
         }
         self.silent_in_row = 0;
-    }
-
-    /// A reading that is new: does it scatter?
-    fn weigh_scatter(&mut self, evidence: &Evidence) {
-        // Falling silent and being heard again are jumps of V, too, but say nothing of the scatter.
-        if !evidence.residual_m.is_finite() || self.heard_in_row < 3 {
-            return;
-        }
-        let is_beyond = |wall_m: f64| evidence.range_m > wall_m + BEYOND_M;
-        let is_known =
-            evidence.map_m.is_some_and(is_beyond) || evidence.neighbours.is_some_and(|seen| is_beyond(seen.range_m));
-        let scatter = match evidence.residual_m > JUMP_M {
-            true if is_known => JUMP_BEYOND,
-            true => JUMP,
-            false => NO_JUMP,
-        };
-        self.add(FaultKind::Noisy, scatter);
     }
 
     fn add(&mut self, kind: FaultKind, evidence: f64) {
@@ -211,46 +185,17 @@ impl Suspicion {
     /// Why the state is what it is, in words.
     #[must_use]
     pub fn reason(&self, sensor: usize, evidence: &Evidence) -> String {
-        match self.state {
-            SensorState::Healthy => format!("sensor {sensor} measures again"),
-            SensorState::Faulty(FaultKind::Saturated) => match (evidence.map_m, evidence.neighbours) {
-                (Some(wall_m), None) => {
-                    format!("sensor {sensor} hears nothing, again and again, where the map has a wall at {wall_m:.1} m")
-                }
-                (_, Some(seen)) => format!(
-                    "sensor {sensor} hears nothing, again and again, where {} neighbours see a wall at {:.1} m",
-                    number(seen.witnesses),
-                    seen.range_m
-                ),
-                (None, None) => format!("sensor {sensor} hears nothing, again and again, where there are walls"),
-            },
-            SensorState::Faulty(FaultKind::Missing) => {
-                let why = match evidence.no_measurement {
-                    Some(NoMeasurement::EchoPinStuck) => "its echo pin is stuck",
-                    Some(NoMeasurement::HighAtTrigger) => "its echo pin is high before the trigger",
-                    Some(NoMeasurement::Disabled) => "it is switched off on the board",
-                    Some(NoMeasurement::Blanked) => "the board blanks it",
-                    _ => "it never answers",
-                };
-                format!("sensor {sensor} gives no measurement: {why}")
-            }
-            SensorState::Faulty(FaultKind::Noisy) => {
-                let against = match (evidence.map_m, evidence.neighbours) {
-                    (_, Some(seen)) if evidence.range_m > seen.range_m + BEYOND_M => {
-                        format!("{} neighbours see a wall at {:.1} m", number(seen.witnesses), seen.range_m)
-                    }
-                    (Some(wall_m), _) if evidence.range_m > wall_m + BEYOND_M => {
-                        format!("the map has a wall at {wall_m:.1} m")
-                    }
-                    _ => "its readings jump from sweep to sweep as no surface does".into(),
-                };
-                format!("sensor {sensor} scatters: it reads {:.1} m, and {against}", evidence.range_m)
-            }
-            SensorState::Faulty(FaultKind::Stuck) => {
-                format!("sensor {sensor} reads {:.3} m however the robot moves", self.last_m)
-            }
-        }
+        evidence.reason(sensor, self.state, self.last_m)
     }
+}
+
+/// How much a sweep without an echo speaks against the sensor.
+fn silence(evidence: &Evidence) -> f64 {
+    let by_map = evidence.expected.map_or(0.0, |expected| SILENT_BY_MAP * expected.certainty * evidence.novelty());
+    let by_neighbours = evidence.neighbours.map_or(0.0, |seen| {
+        (SILENT_AT_WALL * (CLOSE_RAD / seen.span_rad).min(1.0) * evidence.passed_m).min(MOST_SILENT)
+    });
+    by_map.max(by_neighbours)
 }
 
 fn place(kind: FaultKind) -> usize {
@@ -262,14 +207,10 @@ fn place(kind: FaultKind) -> usize {
     }
 }
 
-/// A small number in words.
-fn number(count: usize) -> String {
-    const WORDS: [&str; 7] = ["no", "one", "two", "three", "four", "five", "six"];
-    WORDS.get(count).map_or_else(|| count.to_string(), ToString::to_string)
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::evidence::Expected;
+    use super::super::neighbours::Seen;
     use super::*;
 
     /// A healthy reading of a sensor that moves along walls.
@@ -278,7 +219,7 @@ mod tests {
             range_m,
             no_measurement: None,
             residual_m: 0.01,
-            map_m: None,
+            expected: None,
             neighbours: None,
             moved_m: 0.03,
             passed_m: 0.03,
@@ -336,11 +277,12 @@ mod tests {
     fn silence_is_a_fault_only_where_something_must_be_heard() {
         let silent = evidence(f64::INFINITY);
         assert_eq!(until_changed(&mut healthy(), |_| silent).1, SensorState::Healthy, "an open room");
-        let at_wall = Evidence { map_m: Some(1.2), ..silent };
-        let (sweeps, state) = until_changed(&mut healthy(), |_| at_wall);
+        let at_wall = |certainty| Evidence { expected: Some(Expected { range_m: 1.2, certainty }), ..silent };
+        let (sweeps, state) = until_changed(&mut healthy(), |_| at_wall(1.0));
         assert_eq!(state, SensorState::Faulty(FaultKind::Saturated));
-        assert!((10..=50).contains(&sweeps), "{sweeps}");
-        let standing = Evidence { passed_m: 0.0, ..at_wall };
+        assert!((5..=8).contains(&sweeps), "{sweeps}");
+        assert!(until_changed(&mut healthy(), |_| at_wall(0.2)).0 > 4 * sweeps, "a map that is not sure");
+        let standing = Evidence { moved_m: 0.0, passed_m: 0.0, ..at_wall(1.0) };
         assert_eq!(until_changed(&mut healthy(), |_| standing).1, SensorState::Healthy, "the same door for ever");
     }
 
@@ -358,16 +300,22 @@ mod tests {
 
     #[test]
     fn scatter_is_noise_and_a_single_outlier_is_not() {
-        let scatter = |count: usize| Evidence { residual_m: 0.3, ..evidence(1.0 + 0.1 * count as f64) };
+        let scatter = |count: usize| Evidence { residual_m: 0.3, ..evidence(1.0 + 0.1 * (7 * count % 11) as f64) };
         let (sweeps, state) = until_changed(&mut healthy(), scatter);
         assert_eq!(state, SensorState::Faulty(FaultKind::Noisy));
-        assert!((6..=15).contains(&sweeps), "{sweeps}");
+        assert!((5..=10).contains(&sweeps), "{sweeps}");
         // An outlier spoils the three blocks that hold it.
         let outliers = |count: usize| match count % 10 {
             0..3 => scatter(count),
             _ => evidence(1.0 + 0.01 * count as f64),
         };
         assert_eq!(until_changed(&mut healthy(), outliers).1, SensorState::Healthy);
+    }
+
+    #[test]
+    fn a_sensor_that_hears_now_one_surface_now_another_is_not_noisy() {
+        let clutter = |count: usize| Evidence { residual_m: 0.3, ..evidence(0.9 + 0.7 * (count % 2) as f64) };
+        assert_eq!(until_changed(&mut healthy(), clutter).1, SensorState::Healthy);
     }
 
     #[test]

@@ -1,6 +1,8 @@
-//! The fault detector by kinds of fault: sensor-seconds, latencies and false alarms, which add up over runs.
+//! Scores of the fault detector: sensor-seconds, latencies and false alarms, by kinds of fault, which add up over runs.
 //!
-//! Sensor-seconds are those of [`FaultMeter`](super::FaultMeter). By kind:
+//! Between two estimates each sensor adds the time that has passed to its sums, by whether it truly failed and whether it was declared to
+//! fail. So a fault found late costs recall for as long as it stayed hidden, and a false alarm costs precision for as long as it lasted.
+//! By kind:
 //!
 //! - precision: of the time for which sensors were declared to fail in this way, the share in which they failed, in whatever way;
 //! - recall: of the time for which sensors failed in this way, the share in which they were declared, in whatever way;
@@ -9,6 +11,8 @@
 use super::TrueFault;
 use crate::event::{FaultKind, SensorState};
 use crate::time::Timestamp;
+use serde::Serialize;
+use std::time::Duration;
 
 /// The kinds of fault, in the order of every table.
 pub const KINDS: [FaultKind; 4] = [FaultKind::Saturated, FaultKind::Missing, FaultKind::Noisy, FaultKind::Stuck];
@@ -43,7 +47,22 @@ pub struct Detection {
     pub wronged_s: f64,
 }
 
+/// The detector's score over a whole run.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct FaultScore {
+    /// Share of the declared sensor-seconds that were truly faulty; none where nothing was declared.
+    pub fault_precision: Option<f64>,
+    /// Share of the truly faulty sensor-seconds that were declared; none where nothing failed.
+    pub fault_recall: Option<f64>,
+}
+
 impl Detection {
+    /// Precision and recall over all kinds.
+    #[must_use]
+    pub fn score(&self) -> FaultScore {
+        FaultScore { fault_precision: self.precision(), fault_recall: self.recall() }
+    }
+
     /// Adds another run.
     pub fn add(&mut self, other: &Self) {
         for (sums, more) in self.kinds.iter_mut().zip(&other.kinds) {
@@ -98,7 +117,7 @@ fn share(part_s: f64, of_s: f64) -> Option<f64> {
 
 /// Watches one run.
 #[derive(Clone, Debug)]
-pub struct DetectionMeter {
+pub struct FaultMeter {
     truth: Vec<TrueFault>,
     /// By fault of `truth`: whether its verdict is out.
     is_found: Vec<bool>,
@@ -108,8 +127,11 @@ pub struct DetectionMeter {
     sums: Detection,
 }
 
-impl DetectionMeter {
-    /// A meter for a ring of `sensors` and what truly fails.
+/// A verdict so soon after a fault has passed is late, not false.
+const LATE: Duration = Duration::from_secs(2);
+
+impl FaultMeter {
+    /// A meter for a ring of `sensors` (more where more are heard of) and what truly fails.
     #[must_use]
     pub fn new(sensors: usize, truth: Vec<TrueFault>) -> Self {
         let mut sums = Detection::default();
@@ -117,15 +139,17 @@ impl DetectionMeter {
             sums.kinds[place(fault.kind)].faults += 1;
         }
         let is_found = vec![false; truth.len()];
+        let sensors = truth.iter().map(|fault| fault.sensor + 1).fold(sensors, usize::max);
         Self { truth, is_found, states: vec![SensorState::Healthy; sensors], first: None, last: None, sums }
     }
 
     /// A sensor changed its state at the sweep of `at`.
     pub fn state(&mut self, at: Timestamp, sensor: usize, state: SensorState) {
-        let Some(known) = self.states.get_mut(sensor) else { return };
-        let was_healthy = *known == SensorState::Healthy;
-        *known = state;
-        if was_healthy && state != SensorState::Healthy && self.true_kind(sensor, at).is_none() {
+        self.states.resize(self.states.len().max(sensor + 1), SensorState::Healthy);
+        let was_healthy = std::mem::replace(&mut self.states[sensor], state) == SensorState::Healthy;
+        let lately = |fault: &TrueFault| TrueFault { until: fault.until.map(|until| until + LATE), ..*fault };
+        let is_true = self.truth.iter().any(|fault| fault.sensor == sensor && lately(fault).is_on(at));
+        if was_healthy && state != SensorState::Healthy && !is_true {
             self.sums.false_alarms += 1;
         }
     }
@@ -198,7 +222,7 @@ mod tests {
     #[test]
     fn a_late_verdict_a_wrong_name_and_a_false_alarm() {
         let truth = vec!["7:stuck@10s".parse().unwrap(), "2:missing@0s".parse().unwrap()];
-        let mut meter = DetectionMeter::new(8, truth);
+        let mut meter = FaultMeter::new(8, truth);
         for t in 1..=100 {
             match t {
                 31 => meter.state(s(t), 7, SensorState::Faulty(FaultKind::Noisy)),
@@ -224,8 +248,35 @@ mod tests {
     }
 
     #[test]
+    fn a_verdict_just_after_the_fault_has_passed_is_late_and_not_false() {
+        let mut meter = FaultMeter::new(0, vec!["7:missing@10s-20s".parse().unwrap()]);
+        for (at_s, alarms) in [(21, 0), (30, 1)] {
+            meter.state(s(at_s), 7, SensorState::Faulty(FaultKind::Missing));
+            meter.state(s(at_s + 1), 7, SensorState::Healthy);
+            assert_eq!(meter.detection().false_alarms, alarms);
+        }
+    }
+
+    #[test]
+    fn nothing_declared_and_nothing_wrong_has_no_score() {
+        let mut meter = FaultMeter::new(2, Vec::new());
+        meter.estimate(s(0), s(0));
+        meter.estimate(s(9), s(9));
+        let score = FaultScore { fault_precision: None, fault_recall: None };
+        assert_eq!(meter.detection().score(), score);
+    }
+
+    #[test]
+    fn a_fault_that_is_never_found_costs_recall_though_nothing_is_heard_of_its_sensor() {
+        let mut meter = FaultMeter::new(0, vec!["7:missing@0s".parse().unwrap()]);
+        meter.estimate(s(0), s(0));
+        meter.estimate(s(9), s(9));
+        assert_eq!(meter.detection().recall(), Some(0.0));
+    }
+
+    #[test]
     fn latency_is_counted_until_the_verdict_is_out() {
-        let mut meter = DetectionMeter::new(1, vec!["0:missing@0s".parse().unwrap()]);
+        let mut meter = FaultMeter::new(1, vec!["0:missing@0s".parse().unwrap()]);
         meter.estimate(s(2), s(12));
         meter.state(s(3), 0, SensorState::Faulty(FaultKind::Missing));
         meter.estimate(s(3), s(12));

@@ -11,8 +11,8 @@ mod relative;
 
 pub use accuracy::{Accuracy, AccuracyMeter};
 pub use consistency::{building_frame, mean_nees};
-pub use detection::{Detection, DetectionMeter, KINDS, KindSums};
-pub use faults::{FaultMeter, FaultScore, Tally, TrueFault};
+pub use detection::{Detection, FaultMeter, FaultScore, KINDS, KindSums};
+pub use faults::TrueFault;
 pub use map_quality::{MapMeter, MapQuality, Wall};
 pub use pairing::{Pair, Pairing};
 pub use relations::{Relation, RelationError, relation_error};

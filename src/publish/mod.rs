@@ -102,7 +102,7 @@ impl Outputs {
 
     /// Scores the fault detector against what truly fails; call it before the first event.
     pub fn true_faults(&mut self, faults: Vec<TrueFault>) {
-        self.faults = Some(FaultMeter::new(faults));
+        self.faults = Some(FaultMeter::new(0, faults));
     }
 
     /// Takes an event of the pipeline.
@@ -121,14 +121,14 @@ impl Outputs {
                 self.pose = estimate.pose;
                 self.accuracy.estimate(estimate.at, estimate.pose);
                 if let Some(faults) = &mut self.faults {
-                    faults.estimate(estimate.at);
+                    faults.estimate(estimate.at, estimate.at);
                 }
             }
             Event::Lock(lock) => self.lock_log.append(lock)?,
             Event::Fault(fault) => {
                 self.fault_log.append(fault)?;
                 if let Some(faults) = &mut self.faults {
-                    faults.fault(fault);
+                    faults.state(fault.at, fault.sensor, fault.state);
                 }
             }
             Event::Position(position) => self.position = Some(position.clone()),
@@ -172,7 +172,7 @@ impl Outputs {
         summary.position.clone_from(&self.position);
         summary.accuracy = self.accuracy.accuracy();
         (summary.lock_losses, summary.uncertain_s) = (self.lock_log.losses(), self.lock_log.uncertain_s());
-        summary.faults = self.faults.as_ref().map(FaultMeter::score);
+        summary.faults = self.faults.as_ref().map(|meter| meter.detection().score());
         (summary.mean_us_per_sweep, summary.p99_us_per_sweep) = self.timings.mean_and_p99_us().unzip();
         summary.map_sha256 = map_file::write_map(&self.folder, state.raster)?;
         let picture = self

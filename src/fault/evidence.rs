@@ -1,0 +1,93 @@
+//! What one sweep says of one sensor, in figures and in words.
+
+use super::neighbours::Seen;
+use crate::event::{FaultKind, SensorState};
+use crate::sweep::NoMeasurement;
+
+/// What one sweep says of one sensor.
+#[derive(Clone, Copy, Debug)]
+pub struct Evidence {
+    /// The reading, as REP-117.
+    pub range_m: f64,
+    /// Why there is none.
+    pub no_measurement: Option<NoMeasurement>,
+    /// Root of what PCA leaves unexplained, metres; NaN where unknown.
+    pub residual_m: f64,
+    /// What the sensor must hear by the map; asked only where it hears nothing.
+    pub expected: Option<Expected>,
+    /// The surface on which the neighbours on both sides agree.
+    pub neighbours: Option<Seen>,
+    /// How far the robot has moved since the last sweep, metres.
+    pub moved_m: f64,
+    /// How far the point the sensor looks at has moved across its beam since then, metres.
+    pub passed_m: f64,
+}
+
+/// What a healthy sensor hears by the map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Expected {
+    /// The nearest surface that answers, metres.
+    pub range_m: f64,
+    /// How surely it is heard, from 0 to 1.
+    pub certainty: f64,
+}
+
+/// A reading this far beyond what the neighbours hear is said to be, metres.
+const BEYOND_M: f64 = 0.2;
+/// What a robot hears that has moved less is not new, metres.
+const MOVED_M: f64 = 0.012;
+
+impl Evidence {
+    /// How much of what is heard is new, from 0 for a robot that stands to 1.
+    pub(super) fn novelty(&self) -> f64 {
+        (self.moved_m / MOVED_M).min(1.0)
+    }
+
+    /// Why a sensor's state is what it is; `last_m` is the last range that it measured.
+    pub(super) fn reason(&self, sensor: usize, state: SensorState, last_m: f64) -> String {
+        match state {
+            SensorState::Healthy => format!("sensor {sensor} measures again"),
+            SensorState::Faulty(FaultKind::Saturated) => match (self.expected, self.neighbours) {
+                (Some(Expected { range_m, .. }), None) => {
+                    format!(
+                        "sensor {sensor} hears nothing, again and again, where the map has a wall at {range_m:.1} m"
+                    )
+                }
+                (_, Some(seen)) => format!(
+                    "sensor {sensor} hears nothing, again and again, where {} neighbours see a wall at {:.1} m",
+                    number(seen.witnesses),
+                    seen.range_m
+                ),
+                (None, None) => format!("sensor {sensor} hears nothing, again and again, where there are walls"),
+            },
+            SensorState::Faulty(FaultKind::Missing) => {
+                let why = match self.no_measurement {
+                    Some(NoMeasurement::EchoPinStuck) => "its echo pin is stuck",
+                    Some(NoMeasurement::HighAtTrigger) => "its echo pin is high before the trigger",
+                    Some(NoMeasurement::Disabled) => "it is switched off on the board",
+                    Some(NoMeasurement::Blanked) => "the board blanks it",
+                    _ => "it never answers",
+                };
+                format!("sensor {sensor} gives no measurement: {why}")
+            }
+            SensorState::Faulty(FaultKind::Noisy) => {
+                let against = match self.neighbours {
+                    Some(seen) if self.range_m > seen.range_m + BEYOND_M => {
+                        format!("{} neighbours see a wall at {:.1} m", number(seen.witnesses), seen.range_m)
+                    }
+                    _ => "its readings jump from sweep to sweep as no surface does".into(),
+                };
+                format!("sensor {sensor} scatters: it reads {:.1} m, and {against}", self.range_m)
+            }
+            SensorState::Faulty(FaultKind::Stuck) => {
+                format!("sensor {sensor} reads {last_m:.3} m however the robot moves")
+            }
+        }
+    }
+}
+
+/// A small number in words.
+fn number(count: usize) -> String {
+    const WORDS: [&str; 7] = ["no", "one", "two", "three", "four", "five", "six"];
+    WORDS.get(count).map_or_else(|| count.to_string(), ToString::to_string)
+}
