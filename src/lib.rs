@@ -41,17 +41,11 @@ pub mod session_file;
 pub mod sim;
 pub mod source;
 
-#[cfg(feature = "daemon")]
 pub mod bench;
-#[cfg(feature = "daemon")]
 pub mod cli;
-#[cfg(feature = "daemon")]
 pub mod daemon;
-#[cfg(feature = "daemon")]
 pub mod monitor;
-#[cfg(feature = "daemon")]
 pub mod port;
-#[cfg(feature = "daemon")]
 pub mod recorder;
 #[cfg(feature = "viewer")]
 pub mod viewer;

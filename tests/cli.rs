@@ -1,7 +1,6 @@
 //! Exit codes and words of the command line.
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
-#![cfg(feature = "daemon")]
 
 use std::process::Command;
 

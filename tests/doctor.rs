@@ -1,7 +1,6 @@
 //! `slamd doctor`: a healthy board gives no warning, and each thing that breaks is named with what to do about it.
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
-#![cfg(feature = "daemon")]
 
 use slamd::capture::Record;
 use slamd::config::{Config, SettingValue};

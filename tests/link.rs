@@ -1,7 +1,6 @@
 //! Every failure of the cable, on the real program, each with its words.
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
-#![cfg(feature = "daemon")]
 
 mod mock_port;
 

@@ -1,7 +1,6 @@
 //! The daemon against a simulated board on a pseudo-terminal: what it recorded replays to the same bytes.
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
-#![cfg(feature = "daemon")]
 
 use std::path::Path;
 use std::process::{Command, Stdio};

@@ -1,7 +1,6 @@
 //! What the terminal view shows of a session, cell by cell, without a terminal.
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
-#![cfg(feature = "daemon")]
 
 use nalgebra::Matrix3;
 use ratatui::Terminal;

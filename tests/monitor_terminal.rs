@@ -1,7 +1,6 @@
 //! `slamd monitor` on a pseudo-terminal: it draws, it heeds keys and signals, and it gives the terminal back.
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
-#![cfg(feature = "daemon")]
 
 mod mock_port;
 

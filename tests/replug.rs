@@ -1,6 +1,5 @@
 //! A hundred times unplugged and replugged; `cargo bench --bench replug` does it a thousand times.
 
-#![cfg(feature = "daemon")]
 
 mod mock_port;
 

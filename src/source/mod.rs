@@ -1,6 +1,5 @@
 //! Where bytes come from, and the one driver that makes live and replay the same.
 
-#[cfg(feature = "daemon")]
 pub mod pty;
 pub mod replay;
 pub mod session;
