@@ -1,6 +1,5 @@
 //! A hundred times unplugged and replugged; `cargo bench --bench replug` does it a thousand times.
 
-
 mod mock_port;
 
 #[test]

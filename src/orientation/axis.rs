@@ -106,7 +106,7 @@ impl AxisFinder {
         (median > 0.0).then_some(Axis { angle_rad: folded, contrast: top / median, lead: top / rival, strength: top })
     }
 
-    /// How strongly the returns agree on the best direction within [`NEAR`] steps of `angle_rad`; none without returns.
+    /// How strongly the returns agree on the best direction within 8 degrees of `angle_rad`; none without returns.
     ///
     /// A fifth of the work of [`Self::find`], where only the same returns laid out a little differently are to be compared.
     pub fn find_near(&mut self, angle_rad: f64) -> Option<f64> {
