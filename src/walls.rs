@@ -52,6 +52,7 @@ pub struct Walls {
 
 /// A robot that was put back by hand stands this far from where it stood, metres.
 const RESUME_SIGMA_M: f64 = 0.1;
+/// What an axis says of the heading: its standard deviation.
 const AXIS_SIGMA_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
 /// Fewer sensors raise false alarms: of 8, one drive in three.
 const LEAST_SENSORS: usize = 12;

@@ -85,7 +85,7 @@ pub const RANGE_SIGMA_M: f64 = 0.02;
 const EDGE_SIGMA_RAD: f64 = 1.5 * std::f64::consts::PI / 180.0;
 const POINT_SIGMA_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
 /// Narrower cones are point beams.
-const POINT_RAD: f64 = 1.0 * std::f64::consts::PI / 180.0;
+pub const POINT_RAD: f64 = 1.0 * std::f64::consts::PI / 180.0;
 /// Normals farther from a beam's axis than this are not heard (and beyond 45 degrees another side is nearer).
 const HEARD_RAD: f64 = 42.0 * std::f64::consts::PI / 180.0;
 

@@ -20,10 +20,9 @@ impl Tracker {
     #[must_use]
     pub fn known_walls(&self, until: u64) -> Vec<KnownWall> {
         let known = |wall: &Wall, offset_m| KnownWall { side: wall.side, offset_m, lo_m: wall.lo_m, hi_m: wall.hi_m };
-        let active = self.walls.iter().enumerate().map(|(index, wall)| (wall, self.filter.offset_m(index)));
-        let all = active.chain(self.parked.iter().map(|parked| (&parked.wall, parked.offset_m)));
-        all.filter(|(wall, _)| wall.hits >= WELL_KNOWN && !wall.is_since(until))
-            .map(|(wall, offset_m)| known(wall, offset_m))
+        self.every_wall()
+            .filter(|(wall, ..)| wall.hits >= WELL_KNOWN && !wall.is_since(until))
+            .map(|(wall, offset_m, _)| known(wall, offset_m))
             .collect()
     }
 

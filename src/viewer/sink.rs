@@ -80,7 +80,7 @@ pub(super) fn draw(rec: RecordingStream, identity: &Identity, inbox: &Inbox) -> 
     complain(artist.step_back());
     let rec = artist.end();
     if let Some(rec) = &rec {
-        complain_of(rec.flush_with_timeout(FAREWELL));
+        complain(rec.flush_with_timeout(FAREWELL));
     }
     rec
 }
@@ -121,7 +121,7 @@ pub(super) fn visit(url: &str, host: &str, identity: &Identity, inbox: &Inbox) {
     }
     complain(artist.step_back());
     if let Some(rec) = artist.end() {
-        complain_of(rec.flush_with_timeout(FAREWELL));
+        complain(rec.flush_with_timeout(FAREWELL));
         dispose(rec);
     }
 }
@@ -167,13 +167,7 @@ fn dispose(rec: RecordingStream) {
     std::thread::spawn(move || drop(rec));
 }
 
-fn complain(result: RecordingStreamResult<()>) {
-    if let Err(error) = result {
-        tracing::debug!("viewer: {error}");
-    }
-}
-
-fn complain_of<E: std::fmt::Display>(result: Result<(), E>) {
+fn complain<E: std::fmt::Display>(result: Result<(), E>) {
     if let Err(error) = result {
         tracing::debug!("viewer: {error}");
     }

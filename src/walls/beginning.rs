@@ -5,6 +5,7 @@
 //! the walls that it learnt on the way: at the first sweep it knows what all of them know together. Near each other the two are averaged;
 //! the farther they are apart, the likelier it is that the wheels bent the path, and the less the first is worth.
 
+use super::AXIS_SIGMA_RAD;
 use crate::event::Calibration;
 use crate::geometry::{Pose2, wrap_angle};
 use crate::orientation::axis::{Axis, AxisFinder};
@@ -43,8 +44,6 @@ const MOST_SWEEPS: usize = 300;
 const MOST_LEAD: f64 = 1.8;
 const LEAD: f64 = 2.4;
 const LEAD_PER_M: f64 = 0.2;
-/// The first heading's standard deviation before the filter has had a say.
-const SIGMA_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
 /// Two views this far apart leave a fifth of the weight to the first.
 const APART_RAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
 
@@ -96,7 +95,7 @@ fn tracker_at(heading_rad: f64, sigma_rad: f64, wheels: &Calibration) -> Tracker
 
 /// Follows the sweeps to the last and back; a tracker at the heading that the axis and the way back agree on.
 fn look_back(axis_rad: f64, sweeps: &[Sweep], wheels: &Calibration, is_trusted: impl Fn(usize) -> bool) -> Tracker {
-    let mut scout = tracker_at(axis_rad, SIGMA_RAD, wheels);
+    let mut scout = tracker_at(axis_rad, AXIS_SIGMA_RAD, wheels);
     for sweep in sweeps {
         scout.predict(sweep.left_m, sweep.right_m);
         scout.correct(sweep, true, &is_trusted);

@@ -9,6 +9,7 @@
 use crate::fault::evidence::Expected;
 use crate::geometry::Pose2;
 use crate::mapping::grid::{Facing, OccupancyGrid};
+use crate::position::beam_model::POINT_RAD;
 
 /// Where the rays lie between the axis and the beam's edges; where none of the first ends, the view is open.
 const PLACES: [f64; 5] = [0.0, -1.0, 1.0, -0.5, 0.5];
@@ -19,8 +20,6 @@ const LEAST_SPREAD_RAD: f64 = 0.05;
 const WELL_KNOWN: i16 = 200;
 /// Cosine of the incidence up to which a wall answers: 30 degrees.
 const COS_ANSWERS: f64 = 0.866;
-/// Narrower beams hear whatever they meet, radians.
-const POINT_RAD: f64 = 1.0 * std::f64::consts::PI / 180.0;
 /// What is nearer to the farthest range than this may well be missed, metres.
 const MARGIN_M: f64 = 0.25;
 
@@ -41,6 +40,7 @@ pub(super) fn expected(
         let ray = map_from_sensor * Pose2::new(0.0, 0.0, spread_rad * place);
         let Some(Met { range_m, cos_incidence }) = follow(grid, ray, max_range_m - MARGIN_M) else { continue };
         ended += 1.0;
+        // A point beam hears whatever it meets.
         if half_angle_rad < POINT_RAD || cos_incidence > COS_ANSWERS {
             answered += 1.0;
             nearest_m = nearest_m.min(range_m);
