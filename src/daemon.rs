@@ -1,8 +1,8 @@
 //! The only select loop: the serial port, the deadlines, the end.
 
+use crate::handshake;
 use crate::link::{Link, LinkState, Remedy};
 use crate::port::{self, PortName, Trouble};
-use crate::publish::PublishError;
 use crate::recorder::Recorder;
 use crate::session_file::Saver;
 use crate::source::session::Session;
@@ -30,16 +30,10 @@ pub struct Options<'a> {
     pub exit_on_hangup: bool,
 }
 
-/// A live session that cannot go on.
+/// A live session that cannot begin: signals cannot be heard.
 #[derive(Debug, thiserror::Error)]
-pub enum DaemonError {
-    /// An output cannot be written.
-    #[error(transparent)]
-    Publish(#[from] PublishError),
-    /// Signals cannot be heard.
-    #[error("signals cannot be heard: {0}")]
-    Signal(std::io::Error),
-}
+#[error("signals cannot be heard: {0}")]
+pub struct DaemonError(pub std::io::Error);
 
 /// Sees how it fares, between any two steps: the line, and the session once there is one. It must not wait.
 pub type Observer<'a> = dyn FnMut(&Link, Option<&Session>) + 'a;
@@ -61,8 +55,8 @@ impl Shutdown {
     pub fn new(duration: Option<Duration>) -> Result<Self, DaemonError> {
         Ok(Self {
             asked: Arc::default(),
-            interrupt: signal(SignalKind::interrupt()).map_err(DaemonError::Signal)?,
-            terminate: signal(SignalKind::terminate()).map_err(DaemonError::Signal)?,
+            interrupt: signal(SignalKind::interrupt()).map_err(DaemonError)?,
+            terminate: signal(SignalKind::terminate()).map_err(DaemonError)?,
             end: duration.map(|duration| tokio::time::Instant::now() + duration),
         })
     }
@@ -199,9 +193,6 @@ pub struct Live<'a> {
 }
 
 /// Runs until the end is requested, or a hang-up where that is the end.
-///
-/// # Errors
-/// When an output cannot be written.
 pub async fn run(
     options: Options<'_>,
     mut port: OpenPort,
@@ -209,7 +200,7 @@ pub async fn run(
     shutdown: &mut Shutdown,
     live: Live<'_>,
     observe: &mut Observer<'_>,
-) -> Result<(), DaemonError> {
+) {
     let Live { begin, session, recorder, saver } = live;
     let now = || Timestamp::default() + begin.elapsed();
     link.opened(now(), &port.name, &session.reception());
@@ -223,25 +214,25 @@ pub async fn run(
             () = tokio::time::sleep_until(deadline.into()) => Wake::Deadline,
             () = shutdown.requested() => Wake::End,
         };
-        let at = session.run_until(now())?;
+        let at = session.run_until(now());
         let (mut gone, mut hung_up) = (None, false);
         match wake {
             Wake::Traffic(Ok(Traffic::Read(bytes))) => {
-                session.received(at, &bytes)?;
+                session.received(at, &bytes);
                 link.heard(at, &bytes, &session.reception());
                 if let Some(recorder) = recorder {
                     recorder.received(at, bytes);
                 }
             }
             Wake::Traffic(Ok(Traffic::Wrote(bytes))) => {
-                session.sent(at, &bytes)?;
+                session.sent(at, &bytes);
                 if let Some(recorder) = recorder {
                     recorder.sent(at, bytes);
                 }
             }
             Wake::Traffic(Err(error)) => (gone, hung_up) = (Some(format!("{} is gone: {error}", port.name)), true),
             Wake::Deadline => link.tick(at, &session.reception()),
-            Wake::End => return Ok(()),
+            Wake::End => return,
         }
         if let Some(saver) = saver {
             saver.tick(at, || session.memory());
@@ -252,22 +243,26 @@ pub async fn run(
             None => {}
         }
         port.queue(session.take_transmit());
+        if recorder.as_mut().is_some_and(Recorder::take_new_part) {
+            // Each capture of a recording can be replayed by itself: who the board is, and its ring, are heard in each.
+            port.queue(handshake::introduction());
+        }
         if let Some(cause) = gone {
             link.closed(at, cause);
             tell(link);
             if hung_up && options.exit_on_hangup {
-                return Ok(());
+                return;
             }
             // Closed at once: else the device is renamed when it returns.
             drop(port);
             let Ok(Some(found)) = search(options, link, shutdown, &mut |link| observe(link, Some(session))).await
             else {
-                return Ok(());
+                return;
             };
             port = found;
-            let at = session.run_until(now())?;
+            let at = session.run_until(now());
             session.take_transmit();
-            session.received(at, &[])?;
+            session.received(at, &[]);
             if let Some(recorder) = recorder {
                 recorder.received(at, Bytes::new());
             }

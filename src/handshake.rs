@@ -4,7 +4,8 @@
 //! or 2.5 s have passed. What is not answered is asked again.
 
 use crate::time::Timestamp;
-use slamd_protocol::{Message, VERSION_MAJOR, VERSION_MINOR};
+use bytes::Bytes;
+use slamd_protocol::{FrameEncoder, Message, VERSION_MAJOR, VERSION_MINOR};
 use std::time::Duration;
 
 const SILENCE: Duration = Duration::from_millis(2500);
@@ -118,6 +119,14 @@ impl Handshake {
     pub fn time_request(&mut self, token: u16) -> Option<Timestamp> {
         self.pending.take_if(|(pending, _)| *pending == token).map(|(_, at)| at)
     }
+}
+
+/// Asks who the board is and where its sensors are, whatever is known: a recording's next file holds the answers, too.
+#[must_use]
+pub fn introduction() -> [Bytes; 2] {
+    let mut encoder = FrameEncoder::default();
+    let hello = Message::HelloRequest { major: VERSION_MAJOR, minor: VERSION_MINOR };
+    [hello, Message::GeometryRequest].map(|message| Bytes::copy_from_slice(&encoder.encode(&message)))
 }
 
 fn question(known: Known) -> Option<Message> {

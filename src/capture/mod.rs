@@ -15,8 +15,8 @@ use std::io;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// A chunk is closed and flushed at least this often in log time: a kill loses no more.
-pub const FLUSH_PERIOD: Duration = Duration::from_millis(100);
+/// A chunk is closed and flushed at least this often in log time. A kill loses no more than 0.1 s: the rest is for the thread to wake.
+pub const FLUSH_PERIOD: Duration = Duration::from_millis(80);
 
 /// Raw bytes from the board.
 pub const RECEIVED_TOPIC: &str = "/serial/rx";
@@ -94,7 +94,7 @@ pub enum CaptureError {
     NotMcap {
         /// The file.
         path: PathBuf,
-        /// Its first bytes in hexadecimal, or "nothing".
+        /// Its first bytes in hexadecimal.
         found: String,
     },
     /// A time before the one in front of it.

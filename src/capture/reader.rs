@@ -15,9 +15,9 @@ use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 /// Reads one capture: an iterator over its records in the order of the file.
-pub struct CaptureReader {
+pub struct CaptureReader<R: Read = BufReader<File>> {
     path: PathBuf,
-    file: BufReader<File>,
+    file: R,
     machine: LinearReader,
     info: CaptureInfo,
     channels: BTreeMap<u16, Topic>,
@@ -39,16 +39,25 @@ impl CaptureReader {
     /// Opens a capture and reads what it says about itself.
     ///
     /// # Errors
-    /// When the file cannot be read or is not an MCAP file. A file cut off behind its first eight bytes is no error.
+    /// When the file cannot be read or is not an MCAP file. A file cut off anywhere is no error: its beginning may not have been written.
     pub fn open(path: &Path) -> Result<Self, CaptureError> {
+        let file = File::open(path).map_err(|source| CaptureError::Io { path: path.into(), source })?;
+        Self::begin(BufReader::new(file), path)
+    }
+}
+
+impl<R: Read> CaptureReader<R> {
+    /// Reads a capture from anything; `path` is its name in errors.
+    ///
+    /// # Errors
+    /// As [`CaptureReader::open`].
+    pub fn begin(mut file: R, path: &Path) -> Result<Self, CaptureError> {
         let io_error = |source| CaptureError::Io { path: path.into(), source };
-        let mut file = BufReader::new(File::open(path).map_err(io_error)?);
         let mut magic = Vec::new();
         file.by_ref().take(MAGIC.len() as u64).read_to_end(&mut magic).map_err(io_error)?;
-        if magic != MAGIC {
+        if !MAGIC.starts_with(&magic) {
             let hex: Vec<String> = magic.iter().map(|byte| format!("{byte:02x}")).collect();
-            let found = if hex.is_empty() { "nothing".into() } else { hex.join(" ") };
-            return Err(CaptureError::NotMcap { path: path.into(), found });
+            return Err(CaptureError::NotMcap { path: path.into(), found: hex.join(" ") });
         }
         let options = LinearReaderOptions::default()
             .with_skip_start_magic(true)
@@ -65,6 +74,9 @@ impl CaptureReader {
             damage: None,
             finished: false,
         };
+        if magic.len() < MAGIC.len() {
+            reader.stop(McapError::UnexpectedEof)?;
+        }
         reader.pending = reader.advance()?;
         Ok(reader)
     }
@@ -183,7 +195,7 @@ impl CaptureReader {
     }
 }
 
-impl Iterator for CaptureReader {
+impl<R: Read> Iterator for CaptureReader<R> {
     type Item = Result<Record, CaptureError>;
 
     fn next(&mut self) -> Option<Self::Item> {

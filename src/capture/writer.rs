@@ -2,22 +2,24 @@
 
 use super::{CaptureError, CaptureInfo, FLUSH_PERIOD, RECEIVED_TOPIC, SENT_TOPIC, TRUTH_TOPIC, TruthMessage};
 use crate::geometry::Pose2;
+use crate::private;
 use crate::time::Timestamp;
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 use mcap::{McapError, WriteOptions, Writer};
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::BufWriter;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// Writes one capture. Dropping it closes the file, too, but only [`CaptureWriter::finish`] reports errors.
 ///
 /// Each chunk is gathered in memory and written whole, so a killed recording ends at the end of a chunk. The index of the
 /// chunks stays in memory until the end: about 8 MB per hour.
-pub struct CaptureWriter {
+pub struct CaptureWriter<W: Write = BufWriter<File>> {
     path: PathBuf,
-    writer: Writer<NoSeek<BufWriter<File>>>,
+    writer: Writer<NoSeek<W>>,
     channels: Channels,
     /// The time of the first message in the open chunk.
     chunk_opened: Option<Timestamp>,
@@ -38,13 +40,33 @@ struct Channel {
 }
 
 impl CaptureWriter {
-    /// Creates the file and writes what it says about itself.
+    /// Creates the file, for its owner alone, and writes what it says about itself.
     ///
     /// # Errors
     /// When the file cannot be created or written.
     pub fn create(path: &Path, info: &CaptureInfo) -> Result<Self, CaptureError> {
-        let file = File::create(path).map_err(|source| CaptureError::Io { path: path.into(), source })?;
-        let (writer, channels) = begin(file, info).map_err(|error| write_error(path, error))?;
+        let file = private::create_file(path).map_err(|source| CaptureError::Io { path: path.into(), source })?;
+        Self::begin(BufWriter::new(file), path, info)
+    }
+
+    /// Writes the summary and closes the file.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn finish(mut self) -> Result<(), CaptureError> {
+        self.end()?;
+        let file = self.writer.into_inner().into_inner().into_inner().map_err(std::io::IntoInnerError::into_error);
+        file.and_then(|file| file.sync_all()).map_err(|source| CaptureError::Io { path: self.path, source })
+    }
+}
+
+impl<W: Write> CaptureWriter<W> {
+    /// Writes what a capture says about itself to anything; `path` is its name in errors.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn begin(to: W, path: &Path, info: &CaptureInfo) -> Result<Self, CaptureError> {
+        let (writer, channels) = begin(to, info).map_err(|error| write_error(path, error))?;
         Ok(Self { path: path.into(), writer, channels, chunk_opened: None, last: Timestamp::default() })
     }
 
@@ -90,15 +112,21 @@ impl CaptureWriter {
         Ok(())
     }
 
-    /// Writes the summary and closes the file.
+    /// How long after the newest message the open chunk wants to be closed; none where no chunk is open.
+    #[must_use]
+    pub fn flush_in(&self) -> Option<Duration> {
+        self.chunk_opened.map(|opened| {
+            FLUSH_PERIOD.saturating_sub(Duration::from_micros(self.last.us().saturating_sub(opened.us())))
+        })
+    }
+
+    /// Writes the summary. Again, it does nothing.
     ///
     /// # Errors
-    /// When the file cannot be written.
-    pub fn finish(mut self) -> Result<(), CaptureError> {
-        self.writer.finish().map_err(|error| write_error(&self.path, error))?;
-        let buffer = self.writer.into_inner().into_inner();
-        let done = buffer.into_inner().map_err(std::io::IntoInnerError::into_error).and_then(|file| file.sync_all());
-        done.map_err(|source| CaptureError::Io { path: self.path, source })
+    /// When it cannot be written.
+    pub fn end(&mut self) -> Result<(), CaptureError> {
+        self.chunk_opened = None;
+        self.writer.finish().map(drop).map_err(|error| write_error(&self.path, error))
     }
 
     fn write(
@@ -123,16 +151,14 @@ impl CaptureWriter {
     }
 }
 
-type Mcap = Writer<NoSeek<BufWriter<File>>>;
-
 /// Metadata and channels come first and are flushed: whatever happens later, the file can be understood.
-fn begin(file: File, info: &CaptureInfo) -> Result<(Mcap, Channels), McapError> {
+fn begin<W: Write>(to: W, info: &CaptureInfo) -> Result<(Writer<NoSeek<W>>, Channels), McapError> {
     let options = WriteOptions::new()
         .compression(None)
         .disable_seeking(true)
         .profile("slamd")
         .library(format!("slamd {}", info.slamd_version));
-    let mut writer = options.create(NoSeek::new(BufWriter::new(file)))?;
+    let mut writer = options.create(NoSeek::new(to))?;
     writer.write_metadata(&info.to_metadata())?;
     let none = BTreeMap::new();
     let pose = writer.add_schema("slamd.Pose2", "jsonschema", TRUTH_SCHEMA.as_bytes())?;

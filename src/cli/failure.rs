@@ -66,10 +66,7 @@ impl From<CaptureError> for Failure {
 
 impl From<DaemonError> for Failure {
     fn from(error: DaemonError) -> Self {
-        match error {
-            DaemonError::Publish(error) => error.into(),
-            other => Self::new(Kind::Unavailable, other.to_string()),
-        }
+        Self::new(Kind::Unavailable, error.to_string())
     }
 }
 

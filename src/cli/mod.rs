@@ -9,6 +9,7 @@ mod inspect;
 mod kept;
 mod monitor;
 mod ports;
+mod record;
 mod replay;
 mod run;
 mod simulate;

@@ -4,14 +4,13 @@ use super::kept::KeptArgs;
 use super::{Failure, Kind, OutputArgs, terminal};
 use crate::capture::CaptureInfo;
 use crate::config::Config;
-use crate::daemon::{self, DaemonError, Live, Observer, Options, Shutdown};
+use crate::daemon::{self, Live, Observer, Options, Shutdown};
 use crate::event::FaultEvent;
 use crate::link::Link;
 use crate::port::PortName;
 use crate::publish::Summary;
-use crate::recorder::Recorder;
+use crate::recorder::{Losses, Recorder};
 use clap::Args;
-use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use tokio::runtime::Runtime;
 
@@ -35,9 +34,8 @@ pub(super) struct LiveArgs {
     /// Bits per second.
     #[arg(long, default_value_t = 115_200)]
     baud: u32,
-    /// Record everything that is read and written to this capture.
-    #[arg(long, value_name = "FILE")]
-    record: Option<PathBuf>,
+    #[command(flatten)]
+    record: super::record::RecordArgs,
     /// Stop when the port hangs up, instead of waiting for its return.
     #[arg(long)]
     exit_on_hangup: bool,
@@ -63,22 +61,23 @@ impl RunArgs {
 pub(super) struct End {
     summary: Summary,
     faulty: Vec<FaultEvent>,
-    /// Chunks that the recording lacks.
-    missing: u64,
+    /// What the recording lacks.
+    lacking: Losses,
     /// What the next session begins with.
     saved: Result<(), Failure>,
-    result: Result<(), DaemonError>,
 }
 
 impl End {
     /// The summary on standard output, and what went wrong.
     pub(super) fn report(self, output: &OutputArgs) -> Result<(), Failure> {
         terminal::report(&self.summary, &self.faulty, &output.out, output.json);
-        if self.missing > 0 {
-            tracing::error!("{} chunks are missing from the recording", self.missing);
+        if self.lacking.chunks > 0 {
+            tracing::error!("{} chunks are missing from the recording", self.lacking.chunks);
         }
-        self.saved?;
-        Ok(self.result?)
+        if let Some(cause) = &self.lacking.unfinished {
+            tracing::error!("the recording was not closed: {cause}; slamd reads what is there");
+        }
+        self.saved
     }
 }
 
@@ -109,24 +108,21 @@ impl LiveArgs {
         let mut session = self.kept.begin(config.clone(), &output.out)?;
         let mut saver = self.kept.saver();
         let (begin, info) = begin(&config);
-        let mut recorder = match &self.record {
-            Some(path) => Some(Recorder::begin(path, &info).map_err(Failure::creating)?),
-            None => None,
-        };
+        let mut recorder = self.record.begin(info.clone())?;
         #[cfg(feature = "viewer")]
         let watched = self.viewer.begin(&config.robot.name, info.unix_zero_us)?;
         #[cfg(feature = "viewer")]
         watched.watch(&mut session);
         let live = Live { begin, session: &mut session, recorder: &mut recorder, saver: &mut saver };
         let run = daemon::run(options, port, &mut link, shutdown, live, observe);
-        let result = runtime.block_on(run);
+        runtime.block_on(run);
         // Whatever went wrong, the map is kept.
         let saved = self.kept.save(saver, &session);
+        let lacking = recorder.map(Recorder::finish).unwrap_or_default();
         let (summary, faulty) = session.finish()?;
-        let missing = recorder.map_or(Ok(0), Recorder::finish)?;
         #[cfg(feature = "viewer")]
         watched.finish()?;
-        Ok(Some(End { summary, faulty, missing, saved, result }))
+        Ok(Some(End { summary, faulty, lacking, saved }))
     }
 }
 

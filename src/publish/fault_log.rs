@@ -13,12 +13,12 @@ pub(super) struct FaultLog {
 impl FaultLog {
     pub(super) fn create(folder: &Path) -> Result<Self, PublishError> {
         let mut file = PartFile::create(folder, "faults.csv")?;
-        file.write(b"t_s,sensor,state,kind\n")?;
+        file.write(b"t_s,sensor,state,kind\n");
         Ok(Self { file })
     }
 
-    pub(super) fn append(&mut self, fault: &FaultEvent) -> Result<(), PublishError> {
-        self.file.write(line(fault).as_bytes())
+    pub(super) fn append(&mut self, fault: &FaultEvent) {
+        self.file.write(line(fault).as_bytes());
     }
 
     pub(super) fn finish(self) -> Result<(), PublishError> {

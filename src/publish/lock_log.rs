@@ -15,11 +15,11 @@ pub(super) struct LockLog {
 impl LockLog {
     pub(super) fn create(folder: &Path) -> Result<Self, PublishError> {
         let mut file = PartFile::create(folder, "lock.csv")?;
-        file.write(b"t_s,change,uncertain_since_s\n")?;
+        file.write(b"t_s,change,uncertain_since_s\n");
         Ok(Self { file, losses: 0, uncertain_s: 0.0 })
     }
 
-    pub(super) fn append(&mut self, lock: &LockEvent) -> Result<(), PublishError> {
+    pub(super) fn append(&mut self, lock: &LockEvent) {
         let change = match lock.change {
             LockChange::Lost => "lost",
             LockChange::Regained { .. } => "regained",
@@ -30,7 +30,7 @@ impl LockLog {
             _ => self.uncertain_s += lock.at.seconds_since(lock.since),
         }
         let line = format!("{:.6},{change},{:.6}\n", lock.at.seconds(), lock.since.seconds());
-        self.file.write(line.as_bytes())
+        self.file.write(line.as_bytes());
     }
 
     /// How often the place was lost.

@@ -17,11 +17,11 @@ use crate::event::{Calibration, Counters, Event, PositionEvent, SensorState};
 use crate::geometry::{Pose2, Ring};
 use crate::mapping::raster::Raster;
 use crate::metrics::{AccuracyMeter, FaultMeter, TrueFault};
+use crate::private;
 use crate::time::Timestamp;
 use fault_log::FaultLog;
 use lock_log::LockLog;
 use part_file::write_file;
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -80,7 +80,7 @@ impl Outputs {
     /// # Errors
     /// When something cannot be created.
     pub fn create(folder: &Path) -> Result<Self, PublishError> {
-        fs::create_dir_all(folder).map_err(|source| PublishError { path: folder.into(), source })?;
+        private::create_folder(folder).map_err(|source| PublishError { path: folder.into(), source })?;
         Ok(Self {
             folder: folder.into(),
             trajectory: Trajectory::create(folder, "trajectory.tum")?,
@@ -106,14 +106,11 @@ impl Outputs {
     }
 
     /// Takes an event of the pipeline.
-    ///
-    /// # Errors
-    /// When a file cannot be written.
-    pub fn event(&mut self, event: &Event) -> Result<(), PublishError> {
+    pub fn event(&mut self, event: &Event) {
         match event {
             Event::Estimate(estimate) => {
-                self.trajectory.append(estimate.at, estimate.pose)?;
-                self.odometry.append(estimate.at, estimate.odometry)?;
+                self.trajectory.append(estimate.at, estimate.pose);
+                self.odometry.append(estimate.at, estimate.odometry);
                 let map_from_odom =
                     *self.map_from_odom.get_or_insert_with(|| estimate.pose * estimate.odometry.inverse());
                 self.path.push(estimate.pose.position());
@@ -124,9 +121,9 @@ impl Outputs {
                     faults.estimate(estimate.at, estimate.at);
                 }
             }
-            Event::Lock(lock) => self.lock_log.append(lock)?,
+            Event::Lock(lock) => self.lock_log.append(lock),
             Event::Fault(fault) => {
-                self.fault_log.append(fault)?;
+                self.fault_log.append(fault);
                 if let Some(faults) = &mut self.faults {
                     faults.state(fault.at, fault.sensor, fault.state);
                 }
@@ -138,19 +135,18 @@ impl Outputs {
             | Event::BoardReset { .. }
             | Event::BoardTrouble { .. } => {}
         }
-        Ok(())
     }
 
     /// Takes where the robot truly was, `world_from_robot`. The first call begins `truth.tum`.
     ///
     /// # Errors
-    /// When the file cannot be written.
+    /// When the file cannot be created.
     pub fn truth(&mut self, at: Timestamp, pose: Pose2) -> Result<(), PublishError> {
         if self.truth.is_none() {
             self.truth = Some(Trajectory::create(&self.folder, "truth.tum")?);
         }
         if let Some(truth) = &mut self.truth {
-            truth.append(at, pose)?;
+            truth.append(at, pose);
         }
         self.truth_path.push(pose.position());
         self.accuracy.truth(at, pose);

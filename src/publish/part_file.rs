@@ -1,38 +1,79 @@
 //! A file that appears whole or not at all: written as `NAME.part` in the same folder and renamed at the end.
+//!
+//! A disk that fails for a while does not end the run: what it does not take waits in memory, up to a bound, and is tried again with what
+//! follows. Only [`PartFile::finish`] fails.
 
 use super::PublishError;
+use crate::private;
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
 use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 /// A file being written. What a killed run leaves behind is `NAME.part`.
 pub(super) struct PartFile {
     path: PathBuf,
     part: PathBuf,
-    file: BufWriter<File>,
+    file: File,
+    waiting: Vec<u8>,
+    /// The file is written when so many bytes wait.
+    write_at: usize,
+    /// Why something is missing in the file for ever.
+    failure: Option<io::Error>,
     sha256: Sha256,
 }
+
+const BLOCK: usize = 8 << 10;
+/// An hour of poses.
+const MOST_WAITING: usize = 4 << 20;
 
 impl PartFile {
     pub(super) fn create(folder: &Path, name: &str) -> Result<Self, PublishError> {
         let part = folder.join(format!("{name}.part"));
-        let file = File::create(&part).map_err(|source| PublishError { path: part.clone(), source })?;
-        Ok(Self { path: folder.join(name), part, file: BufWriter::new(file), sha256: Sha256::new() })
+        let file = private::create_file(&part).map_err(|source| PublishError { path: part.clone(), source })?;
+        let path = folder.join(name);
+        let (waiting, write_at) = (Vec::with_capacity(BLOCK), BLOCK);
+        Ok(Self { path, part, file, waiting, write_at, failure: None, sha256: Sha256::new() })
     }
 
-    pub(super) fn write(&mut self, bytes: &[u8]) -> Result<(), PublishError> {
+    pub(super) fn write(&mut self, bytes: &[u8]) {
         self.sha256.update(bytes);
-        self.file.write_all(bytes).map_err(|source| PublishError { path: self.part.clone(), source })
+        if self.failure.is_some() {
+            return;
+        }
+        self.waiting.extend_from_slice(bytes);
+        if self.waiting.len() < self.write_at {
+            return;
+        }
+        let was_well = self.write_at == BLOCK;
+        match drain(&mut self.waiting, &mut self.file) {
+            Ok(()) if was_well => {}
+            Ok(()) => {
+                self.write_at = BLOCK;
+                tracing::info!("{}: written again, and nothing is missing", self.part.display());
+            }
+            Err(error) if self.waiting.len() > MOST_WAITING => {
+                tracing::error!("{}: {error}; given up", self.part.display());
+                (self.waiting, self.failure) = (Vec::new(), Some(error));
+            }
+            Err(error) => {
+                self.write_at = self.waiting.len() + BLOCK;
+                if was_well {
+                    tracing::warn!("{}: {error}; it waits in memory, and mapping goes on", self.part.display());
+                }
+            }
+        }
     }
 
     /// Gives the file its name and returns the SHA-256 of its content in hexadecimal.
-    pub(super) fn finish(self) -> Result<String, PublishError> {
-        let error = |source| PublishError { path: self.path.clone(), source };
-        let file = self.file.into_inner().map_err(io::IntoInnerError::into_error).map_err(error)?;
-        file.sync_all().map_err(error)?;
-        fs::rename(&self.part, &self.path).map_err(error)?;
+    pub(super) fn finish(mut self) -> Result<String, PublishError> {
+        let written = match self.failure.take() {
+            Some(failure) => Err(failure),
+            None => drain(&mut self.waiting, &mut self.file),
+        };
+        let named = written.and_then(|()| self.file.sync_all()).and_then(|()| fs::rename(&self.part, &self.path));
+        named.map_err(|source| PublishError { path: self.path.clone(), source })?;
         Ok(self.sha256.finalize().iter().fold(String::new(), |mut hex, byte| {
             let _ = write!(hex, "{byte:02x}");
             hex
@@ -40,9 +81,23 @@ impl PartFile {
     }
 }
 
+/// As much of `waiting` as the file takes.
+fn drain(waiting: &mut Vec<u8>, file: &mut impl Write) -> io::Result<()> {
+    while !waiting.is_empty() {
+        match file.write(waiting) {
+            Ok(0) => return Err(ErrorKind::WriteZero.into()),
+            Ok(count) => drop(waiting.drain(..count)),
+            Err(error) if error.kind() == ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(())
+}
+
 /// Writes a whole file at once and returns its SHA-256.
 pub(super) fn write_file(folder: &Path, name: &str, bytes: &[u8]) -> Result<String, PublishError> {
     let mut file = PartFile::create(folder, name)?;
-    file.write(bytes)?;
+    file.sha256.update(bytes);
+    file.waiting.extend_from_slice(bytes);
     file.finish()
 }

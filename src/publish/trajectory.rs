@@ -16,8 +16,8 @@ impl Trajectory {
         Ok(Self { file: PartFile::create(folder, name)? })
     }
 
-    pub(super) fn append(&mut self, at: Timestamp, pose: Pose2) -> Result<(), PublishError> {
-        self.file.write(line(at, pose).as_bytes())
+    pub(super) fn append(&mut self, at: Timestamp, pose: Pose2) {
+        self.file.write(line(at, pose).as_bytes());
     }
 
     /// Returns the SHA-256 of the file.

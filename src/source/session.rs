@@ -99,46 +99,39 @@ impl Session {
     }
 
     /// Bytes were read; none where the port has been opened again, as a capture says it.
-    ///
-    /// # Errors
-    /// When an output cannot be written.
-    pub fn received(&mut self, at: Timestamp, bytes: &[u8]) -> Result<(), PublishError> {
-        let at = self.run_until(at)?;
-        self.handle(if bytes.is_empty() { Input::Opened { at } } else { Input::Received { at, bytes } })
+    pub fn received(&mut self, at: Timestamp, bytes: &[u8]) {
+        let at = self.run_until(at);
+        self.handle(if bytes.is_empty() { Input::Opened { at } } else { Input::Received { at, bytes } });
     }
 
     /// Bytes were written.
-    ///
-    /// # Errors
-    /// When an output cannot be written.
-    pub fn sent(&mut self, at: Timestamp, bytes: &[u8]) -> Result<(), PublishError> {
-        let at = self.run_until(at)?;
-        self.handle(Input::Sent { at, bytes })
+    pub fn sent(&mut self, at: Timestamp, bytes: &[u8]) {
+        let at = self.run_until(at);
+        self.handle(Input::Sent { at, bytes });
     }
 
     /// Where the robot truly is.
     ///
     /// # Errors
-    /// When an output cannot be written.
+    /// When `truth.tum` cannot be created.
     pub fn truth(&mut self, at: Timestamp, pose: Pose2) -> Result<(), PublishError> {
         self.show(Sight::Truth(at, pose), Duration::ZERO);
         self.outputs.truth(at, pose)
     }
 
     /// Handles the deadlines up to `at`; gives `at`, or the last input's time where that is later.
-    ///
-    /// # Errors
-    /// When an output cannot be written.
-    pub fn run_until(&mut self, at: Timestamp) -> Result<Timestamp, PublishError> {
+    pub fn run_until(&mut self, at: Timestamp) -> Timestamp {
         let at = at.max(self.now);
+        // Where nothing was heard or said for longer, because no port was there, more questions would change nothing.
+        self.now = self.now.max(Timestamp::from_us(at.us().saturating_sub(MOST_SILENCE_US)));
         loop {
             let deadline = self.pipeline.next_deadline().max(self.now);
             if deadline > at {
                 self.now = at;
-                return Ok(at);
+                return at;
             }
             self.now = deadline;
-            self.handle(Input::Tick { at: deadline })?;
+            self.handle(Input::Tick { at: deadline });
         }
     }
 
@@ -213,7 +206,7 @@ impl Session {
     }
 
     #[expect(clippy::disallowed_methods, reason = "how long a sweep took is reported, and changes nothing")]
-    fn handle(&mut self, input: Input<'_>) -> Result<(), PublishError> {
+    fn handle(&mut self, input: Input<'_>) {
         let begin = std::time::Instant::now();
         self.pipeline.handle(input);
         let elapsed = begin.elapsed();
@@ -224,7 +217,7 @@ impl Session {
                 Output::Event(event) => {
                     sweeps += u32::from(matches!(event, Event::Estimate(_)));
                     self.show(Sight::Event(&event), elapsed);
-                    self.outputs.event(&event)?;
+                    self.outputs.event(&event);
                     self.note(event);
                 }
             }
@@ -234,7 +227,6 @@ impl Session {
         for _ in 0..sweeps {
             self.outputs.timing(elapsed / sweeps);
         }
-        Ok(())
     }
 
     fn show(&mut self, sight: Sight<'_>, took: Duration) {
@@ -272,6 +264,9 @@ impl Session {
         }
     }
 }
+
+/// Deadlines that passed longer ago than this are not made up for: a damaged time must not cost hours.
+const MOST_SILENCE_US: u64 = 60_000_000;
 
 /// The robot's hold on its map, in words.
 fn lock_line(lock: &LockEvent) {

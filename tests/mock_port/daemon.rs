@@ -69,6 +69,13 @@ impl Daemon {
         assert!(status.success(), "{status}; the log:\n{}", self.log.join("\n"));
     }
 
+    /// Waits until it ends by itself.
+    pub fn wait(mut self) {
+        let status = self.child.wait().expect("it ends");
+        self.log.extend(self.lines.iter().map(|(_, line)| line));
+        assert!(status.success(), "{status}; the log:\n{}", self.log.join("\n"));
+    }
+
     /// Its process number.
     pub fn pid(&self) -> u32 {
         self.child.id()

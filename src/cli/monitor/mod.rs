@@ -131,7 +131,7 @@ fn instead() -> &'static str {
 
 /// A terminal that goes away, as at the end of an SSH connection, ends the session as Ctrl-C does: its map is kept.
 fn heed_hangup(shutdown: &Shutdown) -> Result<(), DaemonError> {
-    let mut hangup = signal(SignalKind::hangup()).map_err(DaemonError::Signal)?;
+    let mut hangup = signal(SignalKind::hangup()).map_err(DaemonError)?;
     let asked = shutdown.asked();
     tokio::spawn(async move {
         hangup.recv().await;

@@ -1,0 +1,25 @@
+//! `cargo bench --bench kill [-- --kills 1000]`: SIGKILL at random moments of a recording. Wants an idle machine.
+
+#[path = "../tests/killing/mod.rs"]
+mod killing;
+#[path = "../tests/mock_port/mod.rs"]
+mod mock_port;
+
+use indicatif::ProgressBar;
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().collect();
+    let kills = arguments.iter().position(|argument| argument == "--kills");
+    let kills = kills.and_then(|place| arguments.get(place + 1)).map_or("1000", String::as_str);
+    let kills: u64 = kills.parse().expect("--kills NUMBER");
+    let bar = ProgressBar::new(kills);
+    let killed = killing::kill(kills, 2, 1, || bar.inc(1));
+    bar.finish_and_clear();
+    let mut lost: Vec<f64> = killed.iter().filter_map(|killed| killed.lost_ms).collect();
+    lost.sort_by(f64::total_cmp);
+    let at = |share: f64| lost[((lost.len() - 1) as f64 * share).round() as usize];
+    println!("| kills | of them while recording | could be opened | lost ms, median | p99 | worst |");
+    println!("|---|---|---|---|---|---|");
+    println!("| {kills} | {} | {} | {:.0} | {:.0} | {:.0} |", lost.len(), killed.len(), at(0.5), at(0.99), at(1.0));
+    assert!(at(1.0) <= killing::MOST_LOST_MS, "more than {} ms were lost", killing::MOST_LOST_MS);
+}

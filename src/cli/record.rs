@@ -1,0 +1,58 @@
+//! `--record` and what goes with it.
+
+use super::{Failure, Kind};
+use crate::capture::CaptureInfo;
+use crate::recorder::{Folder, Plan, Recorder};
+use clap::Args;
+use std::path::PathBuf;
+use std::time::Duration;
+
+#[derive(Debug, Args)]
+pub(super) struct RecordArgs {
+    /// Record everything that is read and written to this capture; in a folder (DIR/) a new capture is begun every hour.
+    #[arg(long, value_name = "FILE|DIR/")]
+    record: Option<PathBuf>,
+    /// Begin another capture after so many minutes.
+    #[arg(long, value_name = "MINUTES", requires = "record", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    record_minutes: Option<u32>,
+    /// Begin another capture at so many MiB.
+    #[arg(long, value_name = "MIB", requires = "record", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    record_mib: Option<u32>,
+    /// Keep only so many captures of this recording: the oldest is deleted. Without it, none is.
+    #[arg(long, value_name = "N", requires = "record", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    record_keep: Option<u32>,
+    /// Record nothing while less is free on the disk.
+    #[arg(long, value_name = "MIB", requires = "record", default_value_t = 100)]
+    record_free_mib: u32,
+}
+
+const MIB: u64 = 1 << 20;
+const HOUR: u32 = 60;
+
+impl RecordArgs {
+    /// Begins the recording, if one is wanted.
+    pub(super) fn begin(&self, info: CaptureInfo) -> Result<Option<Recorder>, Failure> {
+        let Some(path) = &self.record else { return Ok(None) };
+        let is_folder = path.is_dir() || path.as_os_str().as_encoded_bytes().ends_with(b"/");
+        let minutes = self.record_minutes.or((is_folder && self.record_mib.is_none()).then_some(HOUR));
+        let plan = Plan {
+            most_bytes: self.record_mib.map(|mib| u64::from(mib) * MIB),
+            most_time: minutes.map(|minutes| Duration::from_secs(60 * u64::from(minutes))),
+            keep: self.record_keep,
+            keep_free_bytes: u64::from(self.record_free_mib) * MIB,
+        };
+        let folder = if is_folder {
+            // Names in the order of their beginnings.
+            let name = format!("slamd-{:010}", info.unix_zero_us.unwrap_or_default() / 1_000_000);
+            Folder::numbered(path, &name).map_err(|error| {
+                Failure::new(
+                    Kind::CantCreate,
+                    format!("{}: {error}; name a folder that can be written", path.display()),
+                )
+            })?
+        } else {
+            Folder::file(path)
+        };
+        Recorder::begin(folder, info, plan).map(Some).map_err(Failure::creating)
+    }
+}

@@ -1,0 +1,108 @@
+//! Where the parts of a recording are written.
+
+use crate::private;
+use std::fs::File;
+use std::io::{self, Write};
+use std::os::unix::fs::FileExt as _;
+use std::path::{Path, PathBuf};
+
+/// Where the parts of a recording are written. The tests have one that fails in every way that disks do.
+pub trait Disk {
+    /// A part's file. A write that fails has written nothing.
+    type File: Write;
+
+    /// Creates the file of a part; 1 is the first.
+    ///
+    /// # Errors
+    /// When it cannot be created.
+    fn create(&mut self, part: u32) -> io::Result<Self::File>;
+
+    /// Deletes the file of a part.
+    ///
+    /// # Errors
+    /// When it cannot be deleted.
+    fn remove(&mut self, part: u32) -> io::Result<()>;
+
+    /// Bytes that are free; none where nobody knows.
+    fn free_bytes(&mut self) -> Option<u64>;
+
+    /// The path of a part, for people.
+    fn path(&self, part: u32) -> PathBuf;
+}
+
+/// Files of one name in a folder of the real file system.
+#[derive(Clone, Debug)]
+pub struct Folder {
+    folder: PathBuf,
+    stem: String,
+    /// The first part, where it has a name of its own.
+    first: Option<PathBuf>,
+}
+
+impl Folder {
+    /// A recording whose first part is `path`; should it need more, they are `NAME-0002.mcap` and so on, beside it.
+    #[must_use]
+    pub fn file(path: &Path) -> Self {
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        Self { folder: path.parent().unwrap_or_else(|| Path::new("")).into(), stem, first: Some(path.into()) }
+    }
+
+    /// A recording in a folder, which is created where it is missing; its parts are `NAME-0001.mcap` and so on.
+    ///
+    /// # Errors
+    /// When the folder cannot be created.
+    pub fn numbered(folder: &Path, name: &str) -> io::Result<Self> {
+        private::create_folder(folder)?;
+        Ok(Self { folder: folder.into(), stem: name.into(), first: None })
+    }
+}
+
+impl Disk for Folder {
+    type File = Placed;
+
+    fn create(&mut self, part: u32) -> io::Result<Placed> {
+        let path = self.path(part);
+        // Who names a file means it; a number that is taken belongs to another recording.
+        let is_named = part == 1 && self.first.is_some();
+        let file = if is_named { private::create_file(&path)? } else { private::create_new_file(&path)? };
+        Ok(Placed { is_seekable: file.metadata()?.is_file(), file, written: 0 })
+    }
+
+    fn remove(&mut self, part: u32) -> io::Result<()> {
+        std::fs::remove_file(self.path(part))
+    }
+
+    fn free_bytes(&mut self) -> Option<u64> {
+        let folder = if self.folder.as_os_str().is_empty() { Path::new(".") } else { &self.folder };
+        let system = rustix::fs::statvfs(folder).ok()?;
+        Some(system.f_bavail.saturating_mul(system.f_frsize))
+    }
+
+    fn path(&self, part: u32) -> PathBuf {
+        match &self.first {
+            Some(first) if part == 1 => first.clone(),
+            _ => self.folder.join(format!("{}-{part:04}.mcap", self.stem)),
+        }
+    }
+}
+
+/// A file that is written at a place of its own: what a failed write may have left is written over.
+#[derive(Debug)]
+pub struct Placed {
+    file: File,
+    written: u64,
+    is_seekable: bool,
+}
+
+impl Write for Placed {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let count = if self.is_seekable { self.file.write_at(bytes, self.written)? } else { self.file.write(bytes)? };
+        self.written += count as u64;
+        Ok(count)
+    }
+
+    /// Waits until the disk has it all.
+    fn flush(&mut self) -> io::Result<()> {
+        if self.is_seekable { self.file.sync_all() } else { Ok(()) }
+    }
+}

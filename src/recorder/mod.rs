@@ -1,0 +1,115 @@
+//! Records a live session in a thread of its own: the pipeline never waits for a disk.
+//!
+//! [`Tape`] is the recording as a state machine; this is the thread around it.
+
+mod disk;
+mod tape;
+
+pub use disk::{Disk, Folder};
+pub use tape::{Losses, Plan, Tape};
+
+use crate::capture::{CaptureError, CaptureInfo};
+use crate::time::Timestamp;
+use bytes::Bytes;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// What is recorded.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Chunk {
+    /// Bytes read; none where the port was opened again.
+    Received(Timestamp, Bytes),
+    /// Bytes written.
+    Sent(Timestamp, Bytes),
+}
+
+/// A recording under way.
+pub struct Recorder {
+    queue: SyncSender<Chunk>,
+    thread: JoinHandle<Losses>,
+    parts: Arc<AtomicU32>,
+    parts_seen: u32,
+    dropped: u64,
+    complain_at: Timestamp,
+}
+
+/// Chunks that may wait for a thread that hangs in the disk: minutes of them.
+const QUEUE: usize = 65_536;
+/// A complaint is not repeated sooner.
+const COMPLAINT: Duration = Duration::from_secs(60);
+/// With nothing to write, a disk that failed is still tried.
+const IDLE: Duration = Duration::from_secs(1);
+
+impl Recorder {
+    /// Begins a recording.
+    ///
+    /// # Errors
+    /// When its first file cannot be created or written.
+    pub fn begin(folder: Folder, info: CaptureInfo, plan: Plan) -> Result<Self, CaptureError> {
+        let tape = Tape::begin(folder, info, plan)?;
+        let (queue, chunks) = sync_channel(QUEUE);
+        let parts = Arc::new(AtomicU32::new(1));
+        let thread = {
+            let parts = Arc::clone(&parts);
+            std::thread::spawn(move || write(tape, &chunks, &parts))
+        };
+        Ok(Self { queue, thread, parts, parts_seen: 1, dropped: 0, complain_at: Timestamp::default() })
+    }
+
+    /// Records what was read.
+    pub fn received(&mut self, at: Timestamp, bytes: Bytes) {
+        self.queue(at, Chunk::Received(at, bytes));
+    }
+
+    /// Records what was written.
+    pub fn sent(&mut self, at: Timestamp, bytes: Bytes) {
+        self.queue(at, Chunk::Sent(at, bytes));
+    }
+
+    /// True once after another file has been begun: what it shall hold for itself must be heard anew.
+    pub fn take_new_part(&mut self) -> bool {
+        let parts = self.parts.load(Ordering::Relaxed);
+        std::mem::replace(&mut self.parts_seen, parts) != parts
+    }
+
+    /// Writes what waits and closes the file; what the recording lacks.
+    ///
+    /// # Panics
+    /// When the recording thread has.
+    pub fn finish(self) -> Losses {
+        drop(self.queue);
+        let mut losses = self.thread.join().expect("the recorder does not panic");
+        losses.chunks += self.dropped;
+        losses
+    }
+
+    fn queue(&mut self, at: Timestamp, chunk: Chunk) {
+        if self.queue.try_send(chunk).is_ok() {
+            return;
+        }
+        self.dropped += 1;
+        if at >= self.complain_at {
+            self.complain_at = at + COMPLAINT;
+            tracing::error!("the disk hangs: {} chunks are missing from the recording; mapping goes on", self.dropped);
+        }
+    }
+}
+
+fn write(mut tape: Tape<Folder>, chunks: &Receiver<Chunk>, parts: &AtomicU32) -> Losses {
+    loop {
+        let wait = tape.flush_in().unwrap_or(IDLE);
+        match chunks.recv_timeout(wait) {
+            Ok(chunk) => tape.push(chunk),
+            // Nothing came: so much later it is.
+            Err(RecvTimeoutError::Timeout) => tape.advance(tape.now() + wait),
+            Err(RecvTimeoutError::Disconnected) => return tape.finish(),
+        }
+        parts.store(tape.part(), Ordering::Relaxed);
+        while let Some(notice) = tape.poll_notice() {
+            tracing::warn!("{notice}");
+        }
+    }
+}

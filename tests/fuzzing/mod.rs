@@ -1,0 +1,328 @@
+//! Worse than the world: raw bytes and files that nobody would write, from one seed, against the code that reads them.
+//!
+//! Nothing may panic, nor take memory or work out of proportion to what was given.
+
+#![allow(dead_code, unreachable_pub, reason = "each test uses its part")]
+
+mod mutation;
+
+use mutation::Mutator;
+use slamd::capture::{CaptureInfo, CaptureReader, CaptureWriter, Record};
+use slamd::config::{Config, Method};
+use slamd::event::{Event, Input, Output};
+use slamd::import::{carmen, ring};
+use slamd::pipeline::{Pipeline, Start};
+use slamd::session_file;
+use slamd::sim::fault::FaultMix;
+use slamd::sim::link::LinkFaults;
+use slamd::sim::simulation::{SimConfig, Simulation, session};
+use slamd::sim::sonar::BeamShape;
+use slamd::sim::world::World;
+use slamd::time::Timestamp;
+use slamd_protocol::{FrameDecoder, MAX_PAYLOAD, PayloadBuf, encode_frame};
+use std::path::Path;
+
+/// The kinds of files that slamd reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    Capture,
+    Session,
+    Config,
+    World,
+    Ring,
+    Carmen,
+}
+
+impl Kind {
+    pub const ALL: [Self; 6] = [Self::Capture, Self::Session, Self::Config, Self::World, Self::Ring, Self::Carmen];
+}
+
+/// What is mutated: sound inputs of every kind.
+pub struct Corpus {
+    drive: Vec<Record>,
+    /// Kind and payload of the frames of a drive.
+    frames: Vec<(u8, Vec<u8>)>,
+    captures: Vec<Vec<u8>>,
+    session: Vec<u8>,
+    configs: Vec<String>,
+    world: String,
+    ring: String,
+    carmen: String,
+}
+
+/// What came of an input.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Outcome {
+    pub bytes: u64,
+    pub frames: u64,
+    pub sweeps: u64,
+    pub outputs: u64,
+    pub accepted: bool,
+}
+
+const SENSORS: u8 = 16;
+const DRIVE_S: f64 = 45.0;
+/// A file is at most this long: enough for every structure, short enough for a million of them.
+const FILE_RECORDS: usize = 60;
+
+impl Corpus {
+    pub fn new() -> Self {
+        let simulation = Simulation::new(SimConfig {
+            world: World::named("flat").expect("built in"),
+            seed: 7,
+            duration_s: DRIVE_S,
+            mix: FaultMix::None,
+            faults: Vec::new(),
+            beam: BeamShape::Cone,
+            sensors: SENSORS,
+            odometry_errors: 1.0,
+            clock_drift_ppm: 300.0,
+            link: LinkFaults::default(),
+        });
+        let drive: Vec<Record> = session(simulation).collect();
+        let mut decoder = FrameDecoder::new();
+        let mut frames = Vec::new();
+        for byte in drive.iter().flat_map(received) {
+            if let Some(frame) = decoder.push(*byte) {
+                frames.push((frame.kind, frame.payload.to_vec()));
+            }
+        }
+        let captures = vec![capture(&drive[..FILE_RECORDS]), unsealed(&drive[..FILE_RECORDS])];
+        let mut pipeline = Pipeline::new(&Config::default());
+        drive.iter().for_each(|record| feed(&mut pipeline, record));
+        let memory = pipeline.memory().expect("the drive is long enough for a map");
+        Self {
+            drive,
+            frames,
+            captures,
+            session: session_file::encode(&memory),
+            configs: vec![
+                include_str!("../../configs/corridor8.toml").into(),
+                Config::default().to_toml() + "\n[[ring.sensors]]\nbearing_deg = 90\nhalf_angle_deg = 15\n",
+            ],
+            world: include_str!("../../configs/worlds/corner.toml").into(),
+            ring: ring_csv(),
+            carmen: carmen_log(),
+        }
+    }
+
+    /// Raw bytes into the pipeline: a drive in which frames are damaged behind their checksums, frames of random content, and noise.
+    pub fn bytes(&self, count: u64, seed: u64) -> Outcome {
+        let mut mutator = Mutator::new(seed);
+        let method = if seed % 4 == 3 { Method::Paper } else { Method::Walls };
+        let mut pipeline = Pipeline::new(&Config { method, ..Config::default() });
+        let (mut outcome, mut at) = (Outcome::default(), Timestamp::default());
+        let mut last = Timestamp::default();
+        let mut give = |bytes: &[u8], pipeline: &mut Pipeline, outcome: &mut Outcome| {
+            // As fast as the line is.
+            at = at + std::time::Duration::from_micros(87 * bytes.len() as u64);
+            outcome.bytes += bytes.len() as u64;
+            if pipeline.next_deadline() <= at {
+                pipeline.handle(Input::Tick { at });
+            }
+            pipeline.handle(Input::Received { at, bytes });
+            while let Some(output) = pipeline.poll_output() {
+                outcome.outputs += 1;
+                if let Output::Event(Event::Estimate(estimate)) = output {
+                    assert!(estimate.at >= last, "time ran back");
+                    assert!(estimate.pose.x_m.is_finite() && estimate.pose.theta_rad.is_finite());
+                    last = estimate.at;
+                }
+            }
+        };
+        for (i, (kind, payload)) in self.frames.iter().enumerate() {
+            let (mut kind, mut payload) = (*kind, payload.clone());
+            if i > 10 && mutator.chance(0.01) {
+                payload = mutator.bytes(payload, 2);
+            }
+            if i > 10 && mutator.chance(0.001) {
+                kind = mutator.noise(1)[0];
+            }
+            give(&framed(kind, i, &payload), &mut pipeline, &mut outcome);
+        }
+        let wild = outcome.bytes + (count - outcome.bytes.min(count)) / 16;
+        while outcome.bytes < wild {
+            let (kind, payload) = &self.frames[mutator.below(self.frames.len())];
+            let (payload, number) = (mutator.bytes(payload.clone(), 6), mutator.below(256));
+            let frame = framed(*kind, number, &payload);
+            give(&frame, &mut pipeline, &mut outcome);
+        }
+        while outcome.bytes < count {
+            let noise = mutator.noise(1_024);
+            give(&noise, &mut pipeline, &mut outcome);
+        }
+        let counters = pipeline.counters();
+        (outcome.frames, outcome.sweeps) = (counters.frames, counters.sweeps);
+        let _ = pipeline.memory();
+        outcome
+    }
+
+    /// A file of a kind, made worse and read; where it is accepted it is used.
+    pub fn file(&self, kind: Kind, seed: u64, folder: &Path) -> Outcome {
+        let mut mutator = Mutator::new(seed);
+        let accepted = match kind {
+            Kind::Capture => {
+                let capture = self.captures[mutator.below(self.captures.len())].clone();
+                read_capture(&mutator.bytes(capture, 6))
+            }
+            Kind::Session => read_session(&session_bytes(&mut mutator, &self.session)),
+            Kind::Config => {
+                let config = self.configs[mutator.below(self.configs.len())].clone();
+                Config::from_toml(&mutator.text(&config)).is_ok_and(|config| {
+                    let mut pipeline = Pipeline::new(&config);
+                    self.drive[..FILE_RECORDS].iter().for_each(|record| feed(&mut pipeline, record));
+                    Config::from_toml(&config.to_toml()).expect("what is written is read") == config
+                })
+            }
+            Kind::World => World::from_toml("fuzz.toml", &mutator.text(&self.world)).is_ok(),
+            Kind::Ring | Kind::Carmen => {
+                let config = Config::from_toml(&self.configs[0]).expect("sound");
+                let capture = folder.join("imported.mcap");
+                let text = if kind == Kind::Ring { &self.ring } else { &self.carmen };
+                let text = mutator.text(text);
+                let import = if kind == Kind::Ring {
+                    ring::import(text.as_bytes(), "fuzz", &config, &capture)
+                } else {
+                    carmen::import(text.as_bytes(), "fuzz", &config, &capture)
+                };
+                import.is_ok() && read_capture(&std::fs::read(&capture).expect("it was written"))
+            }
+        };
+        Outcome { accepted, ..Outcome::default() }
+    }
+}
+
+fn received(record: &Record) -> &[u8] {
+    match record {
+        Record::Received { bytes, .. } => bytes,
+        _ => &[],
+    }
+}
+
+fn framed(kind: u8, number: usize, payload: &[u8]) -> Vec<u8> {
+    let mut buffer = PayloadBuf::default();
+    buffer.extend(payload.iter().copied().take(MAX_PAYLOAD));
+    encode_frame(kind, number.to_le_bytes()[0], &buffer).to_vec()
+}
+
+fn feed(pipeline: &mut Pipeline, record: &Record) {
+    match record {
+        Record::Received { at, bytes } => pipeline.handle(Input::Received { at: *at, bytes }),
+        Record::Sent { at, bytes } => pipeline.handle(Input::Sent { at: *at, bytes }),
+        Record::Truth { .. } => {}
+    }
+    while pipeline.poll_output().is_some() {}
+}
+
+/// Reads a capture and replays what it holds. True where it opens.
+pub fn read_capture(bytes: &[u8]) -> bool {
+    let Ok(mut reader) = CaptureReader::begin(bytes, Path::new("fuzz.mcap")) else { return false };
+    let mut pipeline = Pipeline::new(&Config::from_toml(&reader.info().config_toml).unwrap_or_default());
+    let (mut last, mut given) = (Timestamp::default(), 0);
+    for record in reader.by_ref().map_while(Result::ok) {
+        assert!(record.at() >= last, "time ran back");
+        last = record.at();
+        given += received(&record).len();
+        feed(&mut pipeline, &record);
+    }
+    assert!(given <= bytes.len(), "more came out than there is");
+    true
+}
+
+/// Reads a session and goes on with it. True where it can be read.
+pub fn read_session(bytes: &[u8]) -> bool {
+    let Ok(memory) = session_file::decode(bytes) else { return false };
+    for start in [Start::Resume(Box::new(memory.clone())), Start::Localize(Box::new(memory))] {
+        if let Ok(mut pipeline) = Pipeline::begin(&Config::default(), start) {
+            let _ = (pipeline.memory(), pipeline.raster(), pipeline.poll_output());
+        }
+    }
+    true
+}
+
+/// A session made worse, in every other case with a checksum that holds.
+fn session_bytes(mutator: &mut Mutator, session: &[u8]) -> Vec<u8> {
+    let head = mutator.chance(0.7);
+    let front = if head { session.len().min(600) } else { session.len() };
+    let mut bytes = mutator.bytes(session[..front].to_vec(), 4);
+    bytes.extend(&session[front..]);
+    if mutator.chance(0.8) && bytes.len() >= session_file::HEADER {
+        bytes[..12].copy_from_slice(&session[..12]);
+        reseal(&mut bytes);
+    }
+    bytes
+}
+
+fn reseal(bytes: &mut [u8]) {
+    let length = (bytes.len() - session_file::HEADER) as u64;
+    bytes[12..20].copy_from_slice(&length.to_le_bytes());
+    let crc = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
+    let crc = crc.checksum(&[&bytes[8..20], &bytes[session_file::HEADER..]].concat());
+    bytes[20..24].copy_from_slice(&crc.to_le_bytes());
+}
+
+fn capture(records: &[Record]) -> Vec<u8> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("sound.mcap");
+    let mut writer = CaptureWriter::create(&path, &CaptureInfo::default()).expect("created");
+    for record in records {
+        match record {
+            Record::Received { at, bytes } => writer.received(*at, bytes),
+            Record::Sent { at, bytes } => writer.sent(*at, bytes),
+            Record::Truth { at, pose } => writer.truth(*at, *pose),
+        }
+        .expect("written");
+    }
+    writer.finish().expect("finished");
+    std::fs::read(path).expect("there")
+}
+
+/// A capture without checksums, so that what is behind them is reached.
+fn unsealed(records: &[Record]) -> Vec<u8> {
+    let mut file = std::io::Cursor::new(Vec::new());
+    let options = mcap::WriteOptions::new().compression(None).calculate_chunk_crcs(false).chunk_size(Some(256));
+    let mut writer = options.create(&mut file).expect("memory");
+    let topics = [slamd::capture::RECEIVED_TOPIC, slamd::capture::SENT_TOPIC];
+    let ids =
+        topics.map(|topic| writer.add_channel(0, topic, "x", &std::collections::BTreeMap::new()).expect("memory"));
+    for record in records {
+        let (id, bytes) = match record {
+            Record::Received { bytes, .. } => (ids[0], bytes),
+            Record::Sent { bytes, .. } => (ids[1], bytes),
+            Record::Truth { .. } => continue,
+        };
+        let log_time = record.at().us() * 1000;
+        let header = mcap::records::MessageHeader { channel_id: id, sequence: 0, log_time, publish_time: log_time };
+        writer.write_to_known_channel(&header, bytes).expect("memory");
+    }
+    writer.finish().expect("memory");
+    drop(writer);
+    file.into_inner()
+}
+
+fn ring_csv() -> String {
+    let names: Vec<String> = (0..8).map(|sensor| format!("r{sensor}")).collect();
+    let mut text = format!("t_s,left_ticks,right_ticks,{}\n", names.join(","));
+    for i in 0..40 {
+        text += &format!("{:.2},{},{},1.2,inf,0.5,,2.25,2.9,0.03,1.0\n", 0.1 * f64::from(i), 12 * i, 13 * i);
+    }
+    text
+}
+
+fn carmen_log() -> String {
+    let mut text = String::from("# a comment\n");
+    for i in 0..20 {
+        let t_s = 0.1 * f64::from(i);
+        text += &format!("ODOM {t_s} 0.0 0.01 0.2 0.0 0.0 {t_s} host {t_s}\n");
+        text += &format!("SONAR 8 1.2 2.0 0.5 3 2.25 2.9 0.03 1.0 {t_s} 0 0.01 {t_s} 0 0.01 {t_s} host {t_s}\n");
+        text += &format!("FLASER 5 1.2 2.0 0.5 81 2.25 {t_s} 0 0.01 {t_s} 0 0.01 {t_s} host {t_s}\n");
+    }
+    text
+}
+
+/// Most memory that this process ever had, KiB.
+pub fn most_resident_kib() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find(|line| line.starts_with("VmHWM")).unwrap_or_default().to_owned();
+    line.split_whitespace().nth(1).and_then(|number| number.parse().ok()).unwrap_or_default()
+}
