@@ -111,7 +111,8 @@ const CHUNK: usize = 4096;
 
 /// What went over the line.
 enum Traffic {
-    Read(Bytes),
+    /// With the instant when the read returned.
+    Read(Instant, Bytes),
     Wrote(Bytes),
 }
 
@@ -125,6 +126,10 @@ impl OpenPort {
         std::future::poll_fn(|context| self.poll_traffic(context)).await
     }
 
+    #[expect(
+        clippy::disallowed_methods,
+        reason = "how late a pose is begins here; it is reported, and changes nothing"
+    )]
     fn poll_traffic(&mut self, context: &mut Context<'_>) -> Poll<std::io::Result<Traffic>> {
         if let Some(first) = self.outgoing.front_mut()
             && let Poll::Ready(written) = Pin::new(&mut self.stream).poll_write(context, first)
@@ -138,10 +143,11 @@ impl OpenPort {
         let mut chunk = [0; CHUNK];
         let mut read = ReadBuf::new(&mut chunk);
         ready!(Pin::new(&mut self.stream).poll_read(context, &mut read))?;
+        let now = Instant::now();
         Poll::Ready(match read.filled() {
             // A hang-up: it would be read for ever.
             [] => Err(std::io::Error::other("it hung up")),
-            bytes => Ok(Traffic::Read(Bytes::copy_from_slice(bytes))),
+            bytes => Ok(Traffic::Read(now, Bytes::copy_from_slice(bytes))),
         })
     }
 }
@@ -179,6 +185,9 @@ pub async fn search(
     }
 }
 
+/// From one line of statistics in the log to the next.
+const STATISTICS: Duration = Duration::from_secs(300);
+
 /// What woke the loop.
 enum Wake {
     Traffic(std::io::Result<Traffic>),
@@ -213,8 +222,13 @@ pub async fn run(
     let Live { begin, session, recorder, saver } = live;
     let now = || Timestamp::default() + begin.elapsed();
     link.opened(now(), &port.name, &session.reception());
+    let mut statistics = Timestamp::default() + STATISTICS;
     loop {
         tell(link);
+        if session.now() >= statistics {
+            statistics = session.now() + STATISTICS;
+            tracing::info!("{}", session.statistics());
+        }
         observe(link, Some(session));
         let deadline = link.deadline().into_iter().fold(session.next_deadline(), Ord::min);
         let deadline = begin + Duration::from_micros(deadline.us());
@@ -226,8 +240,9 @@ pub async fn run(
         let at = session.run_until(now())?;
         let (mut gone, mut hung_up) = (None, false);
         match wake {
-            Wake::Traffic(Ok(Traffic::Read(bytes))) => {
+            Wake::Traffic(Ok(Traffic::Read(read, bytes))) => {
                 session.received(at, &bytes)?;
+                session.delay(read.elapsed());
                 link.heard(at, &bytes, &session.reception());
                 if let Some(recorder) = recorder {
                     recorder.received(at, bytes);
