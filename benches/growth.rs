@@ -82,7 +82,7 @@ fn explored_m2(drive: &Drive) -> f64 {
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "sweeps of a drive")]
 fn run(plan: Plan, hours: f64, bar: &ProgressBar) -> (Vec<Part>, f64, Drive) {
-    let mut drive = Drive::new(plan);
+    let mut drive = Drive::new(plan, hours);
     let sweeps = (hours * SWEEPS_PER_HOUR / f64::from(PARTS)) as u64;
     let mut parts: Vec<Part> = Vec::new();
     for tenth in 1..=PARTS {

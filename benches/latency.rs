@@ -67,7 +67,11 @@ fn measure(speed: u32, is_loaded: bool, options: &[&str], seconds: u64) -> Measu
     let cpu = std::thread::scope(|scope| {
         scope.spawn(|| play(terminal, speed, &end));
         for _ in 0..if is_loaded { cores } else { 0 } {
-            scope.spawn(|| while !end.load(Ordering::Relaxed) {});
+            scope.spawn(|| {
+                while !end.load(Ordering::Relaxed) {
+                    std::hint::spin_loop();
+                }
+            });
         }
         let mut daemon = Daemon::run(command);
         daemon.expect("poses and map begin", Duration::from_secs(60));

@@ -225,10 +225,7 @@ pub async fn run(
     let mut statistics = Timestamp::default() + STATISTICS;
     loop {
         tell(link);
-        if session.now() >= statistics {
-            statistics = session.now() + STATISTICS;
-            tracing::info!("{}", session.statistics());
-        }
+        tell_statistics(session, &mut statistics);
         observe(link, Some(session));
         let deadline = link.deadline().into_iter().fold(session.next_deadline(), Ord::min);
         let deadline = begin + Duration::from_micros(deadline.us());
@@ -298,6 +295,14 @@ fn tell(link: &mut Link) {
             LinkState::Searching | LinkState::Stale | LinkState::Lost => tracing::warn!("{change}"),
             _ => tracing::info!("{change}"),
         }
+    }
+}
+
+/// One log line every so often.
+fn tell_statistics(session: &Session, due: &mut Timestamp) {
+    if session.now() >= *due {
+        *due = session.now() + STATISTICS;
+        tracing::info!("{}", session.statistics());
     }
 }
 

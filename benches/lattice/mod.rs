@@ -8,7 +8,7 @@
 
 use slamd::config::Config;
 use slamd::event::{Event, Input, Output};
-use slamd::geometry::{Point, Pose2, Ring};
+use slamd::geometry::{Point, Pose2, Ring, wrap_angle};
 use slamd::pipeline::Pipeline;
 use slamd::sim::board::Board;
 use slamd::sim::fault::Reading;
@@ -17,7 +17,7 @@ use slamd::sim::random::{Random, Stream};
 use slamd::sim::sonar::{BeamShape, reading};
 use slamd::sim::world::World;
 use slamd::time::Timestamp;
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::f64::consts::TAU;
 
 /// A building: `lines` corridors each way, `pitch_m` apart.
 #[derive(Clone, Copy)]
@@ -53,7 +53,8 @@ impl Plan {
     /// What stands round the crossing at the origin.
     fn cell(self) -> World {
         let size_m = [self.pitch_m - CORRIDOR_M; 2];
-        let middles = [-1.5, -0.5, 0.5, 1.5].map(|step| step * self.pitch_m);
+        // What stands beyond these is out of hearing.
+        let middles = [-0.5, 0.5].map(|step| step * self.pitch_m);
         let pillars = middles.iter().flat_map(|&x| middles.map(|y| box_faces(Point::new(x, y), size_m, 0.0)));
         World::new("lattice", pillars.flatten().collect(), Point::origin(), Some(0.0))
     }
@@ -84,11 +85,11 @@ pub struct Drive {
 pub type Handle<'a> = dyn FnMut(&mut Pipeline, Input<'_>) -> Vec<bytes::Bytes> + 'a;
 
 impl Drive {
-    /// A robot at the first corner of the lap, which is driven once beforehand.
-    pub fn new(plan: Plan) -> Self {
+    /// A robot at the first corner of the lap, which is driven once beforehand, or as far as one gets in `hours`.
+    pub fn new(plan: Plan, hours: f64) -> Self {
         let config = Config::default();
         let ring = Ring::circle(32, 0.15, BeamShape::Cone.half_angle_rad(), GROUPS);
-        let lap = lap(plan, &ring, config.robot.wheel_base_m);
+        let lap = lap(plan, &ring, config.robot.wheel_base_m, hours);
         let board = Board::new(ring, 0.0, Random::new(1, Stream::Board));
         let metres_per_tick = TAU * config.robot.wheel_radius_m / TICKS_PER_TURN;
         Self { board, lap, slot: 0, metres_per_tick, pipeline: Pipeline::new(&config) }
@@ -108,14 +109,16 @@ impl Drive {
 
     fn fire(&mut self, handle: &mut Handle<'_>) {
         let at = Timestamp::from_us((self.slot + 1) * SLOT_US);
+        let mut answers = Vec::new();
         while self.pipeline.next_deadline() <= at {
             let at = self.pipeline.next_deadline();
             for bytes in handle(&mut self.pipeline, Input::Tick { at }) {
                 handle(&mut self.pipeline, Input::Sent { at, bytes: &bytes });
-                for answer in self.board.hear(at, &bytes) {
-                    handle(&mut self.pipeline, Input::Received { at, bytes: &answer });
-                }
+                answers.extend(self.board.hear(at, &bytes));
             }
+        }
+        for answer in answers {
+            handle(&mut self.pipeline, Input::Received { at, bytes: &answer });
         }
         let trigger = Timestamp::from_us(self.slot * SLOT_US);
         let frame = if self.board.is_streaming() { self.sonar(trigger) } else { self.board.hello() };
@@ -145,52 +148,72 @@ impl Drive {
     }
 }
 
-/// The lap slot by slot, a whole number of sweeps.
-fn lap(plan: Plan, ring: &Ring, base_m: f64) -> Vec<Slot> {
-    let (cell, corners) = (plan.cell(), plan.corners());
-    let mut random = Random::new(1, Stream::Sonar);
-    let (mut slots, mut wheels_m) = (Vec::new(), [0.0; 2]);
-    let mut pose = Pose2::new(corners[0].x, corners[0].y, 0.0);
-    let mut step = |pose: Pose2, rolled_m: [f64; 2]| {
-        let group = slots.len() % usize::from(GROUPS);
-        let mut heard_mm = [0; 8];
-        for (k, heard) in heard_mm.iter_mut().enumerate() {
-            let sensor = pose * ring.mountings[k * usize::from(GROUPS) + group].robot_from_sensor;
-            let distance_m = BeamShape::Cone.distance(&cell, plan.fold(sensor));
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "millimetres of a sonar")]
-            let read_mm = reading(distance_m, &mut random).map_or(0, |m| (1e3 * m).round() as u16);
-            *heard = read_mm;
-        }
-        wheels_m = [0, 1].map(|wheel| wheels_m[wheel] + rolled_m[wheel]);
-        slots.push(Slot { heard_mm, wheels_m });
+/// The lap slot by slot, a whole number of sweeps; it ends early where more than `hours` are known.
+fn lap(plan: Plan, ring: &Ring, base_m: f64, hours: f64) -> Vec<Slot> {
+    let corners = plan.corners();
+    let mut listener = Listener {
+        plan,
+        cell: plan.cell(),
+        ring,
+        random: Random::new(1, Stream::Sonar),
+        slots: Vec::new(),
+        wheels_m: [0.0; 2],
     };
+    let mut pose = Pose2::new(corners[0].x, corners[0].y, 0.0);
     for next in (1..=corners.len()).map(|index| corners[index % corners.len()]) {
+        if listener.slots.len() as f64 * SLOT_S > 3600.0 * hours {
+            return listener.slots;
+        }
         let way = next - pose.position();
-        let (from, to) = (pose, Pose2::new(next.x, next.y, libm::atan2(way.y, way.x)));
-        turn(from, to.theta_rad, base_m, &mut step);
+        let to = Pose2::new(next.x, next.y, libm::atan2(way.y, way.x));
+        listener.turn(pose, to.theta_rad, base_m);
         let steps = whole_sweeps(way.norm() / (SPEED_M_S * SLOT_S));
         for k in 1..=steps {
-            let share = k as f64 / steps as f64;
-            let here = from.position() + share * way;
-            step(Pose2::new(here.x, here.y, to.theta_rad), [way.norm() / steps as f64; 2]);
+            let here = pose.position() + k as f64 / steps as f64 * way;
+            listener.step(Pose2::new(here.x, here.y, to.theta_rad), [way.norm() / steps as f64; 2]);
         }
         pose = to;
     }
-    turn(pose, 0.0, base_m, &mut step);
-    slots
+    listener.turn(pose, 0.0, base_m);
+    listener.slots
 }
 
-fn turn(from: Pose2, to_rad: f64, base_m: f64, step: &mut impl FnMut(Pose2, [f64; 2])) {
-    let turn_rad = slamd::geometry::wrap_angle(to_rad - from.theta_rad);
-    if turn_rad.abs() < 1e-9 {
-        return;
+/// Drives the lap and writes down what is heard.
+struct Listener<'a> {
+    plan: Plan,
+    cell: World,
+    ring: &'a Ring,
+    random: Random,
+    slots: Vec<Slot>,
+    wheels_m: [f64; 2],
+}
+
+impl Listener<'_> {
+    fn step(&mut self, pose: Pose2, rolled_m: [f64; 2]) {
+        let group = self.slots.len() % usize::from(GROUPS);
+        let mut heard_mm = [0; 8];
+        for (k, heard) in heard_mm.iter_mut().enumerate() {
+            let sensor = pose * self.ring.mountings[k * usize::from(GROUPS) + group].robot_from_sensor;
+            let distance_m = BeamShape::Cone.distance(&self.cell, self.plan.fold(sensor));
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "millimetres of a sonar")]
+            let read_mm = reading(distance_m, &mut self.random).map_or(0, |m| (1e3 * m).round() as u16);
+            *heard = read_mm;
+        }
+        self.wheels_m = [0, 1].map(|wheel| self.wheels_m[wheel] + rolled_m[wheel]);
+        self.slots.push(Slot { heard_mm, wheels_m: self.wheels_m });
     }
-    assert!((turn_rad.abs() - FRAC_PI_2).abs() < 1e-6 || turn_rad.abs() <= PI);
-    let steps = whole_sweeps(turn_rad.abs() / (TURN_RAD_S * SLOT_S));
-    let rolled_m = 0.5 * base_m * turn_rad / steps as f64;
-    for k in 1..=steps {
-        let theta_rad = from.theta_rad + turn_rad * k as f64 / steps as f64;
-        step(Pose2::new(from.x_m, from.y_m, theta_rad), [-rolled_m, rolled_m]);
+
+    fn turn(&mut self, from: Pose2, to_rad: f64, base_m: f64) {
+        let turn_rad = wrap_angle(to_rad - from.theta_rad);
+        if turn_rad.abs() < 1e-9 {
+            return;
+        }
+        let steps = whole_sweeps(turn_rad.abs() / (TURN_RAD_S * SLOT_S));
+        let rolled_m = 0.5 * base_m * turn_rad / steps as f64;
+        for k in 1..=steps {
+            let theta_rad = from.theta_rad + turn_rad * k as f64 / steps as f64;
+            self.step(Pose2::new(from.x_m, from.y_m, theta_rad), [-rolled_m, rolled_m]);
+        }
     }
 }
 
