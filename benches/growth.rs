@@ -1,7 +1,7 @@
 //! `cargo bench --bench growth [-- --hours 100 --out docs]`: does a sweep cost the same after 100 hours, and in a square kilometre?
 //!
 //! Laps through three buildings of corridors ([`lattice`]), through the whole pipeline from the board's bytes on. Each line of the table is a tenth
-//! of the hours asked for. Writes `growth.md` and `growth.png` into `--out`. Heap is what the pipeline itself has allocated and not given back.
+//! of the hours asked for. Draws `growth.png` into `--out`. Heap is what the pipeline itself has allocated and not given back.
 
 mod lattice;
 
@@ -149,6 +149,5 @@ fn main() {
         let (x_label, y_label) = ("hours", "us per sweep (median), MiB");
         let picture = Plot { title, x_label, y_label, curves, ..Plot::default() }.to_png().expect("a picture");
         std::fs::write(Path::new(&folder).join("growth.png"), picture).expect("the folder can be written");
-        std::fs::write(Path::new(&folder).join("growth.md"), text).expect("the folder can be written");
     }
 }

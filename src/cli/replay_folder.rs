@@ -33,7 +33,7 @@ pub(super) fn replay_folder(folder: &Path, jobs: Option<usize>, output: &OutputA
     let named = || captures.iter().map(|capture| name(capture)).zip(&outcomes);
     if output.json {
         let rows = named().filter_map(|(name, outcome)| Some((name, outcome.as_ref().ok()?)));
-        let object = |(name, row): (String, &Row)| serde_json::json!({ "capture": name, "duration_s": row.duration_s, "summary": row.summary });
+        let object = |(name, row): (String, &Row)| serde_json::json!({ "capture": name, "duration_s": row.duration_s, "elapsed_s": row.elapsed.as_secs_f64(), "summary": row.summary });
         say(serde_json::Value::Array(rows.map(object).collect()));
     } else {
         say(HEAD);
