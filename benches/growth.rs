@@ -136,7 +136,7 @@ fn main() {
         let points = |of: fn(&Part) -> f64| parts.iter().map(|part| Point::new(part.hours, of(part))).collect();
         curves.push(Curve { name, ink, is_dashed: false, points: points(|part| part.p50_us) });
         curves.push(Curve {
-            name: "its heap",
+            name: "heap",
             ink,
             is_dashed: true,
             points: points(|part| part.heap_bytes as f64 / 1_048_576.0),
@@ -145,8 +145,8 @@ fn main() {
     bar.finish_and_clear();
     println!("{text}");
     if let Some(folder) = option("--out") {
-        let title = "Cost of a sweep while driving on".to_owned();
-        let (x_label, y_label) = ("hours", "us per sweep (median), MiB");
+        let title = "Median time of a sweep, and heap, while driving on".to_owned();
+        let (x_label, y_label) = ("hours", "us, MiB");
         let picture = Plot { title, x_label, y_label, curves, ..Plot::default() }.to_png().expect("a picture");
         std::fs::write(Path::new(&folder).join("growth.png"), picture).expect("the folder can be written");
     }
