@@ -4,14 +4,15 @@
 //! there, and connected to something that accepts and never reads. Each is played twice, and the better figure counts: the machine does
 //! other things, too. That is also why processor time is shown beside the time that passes, which on a busy machine says little.
 
+mod haste;
+
+use haste::Haste;
 use rustix::time::{ClockId, clock_gettime};
-use slamd::capture::{CaptureReader, Record};
+use slamd::capture::CaptureReader;
 use slamd::config::Config;
 use slamd::source::replay::step;
 use slamd::source::session::Session;
-use slamd::time::Timestamp;
 use slamd::viewer::{Identity, Viewer};
-use slamd_protocol::{FrameDecoder, FrameEncoder, Message};
 use std::cell::Cell;
 use std::net::TcpListener;
 use std::path::Path;
@@ -26,40 +27,6 @@ enum Kind {
     RecordedInHaste,
     Served,
     Wedged,
-}
-
-/// Halves all times of a capture, the host's and the board's: 20 sweeps a second instead of 10.
-#[derive(Default)]
-struct Haste {
-    decoder: FrameDecoder,
-    encoder: FrameEncoder,
-}
-
-impl Haste {
-    /// The record in half the time; none where no frame ends in it.
-    fn halve(&mut self, record: Record) -> Option<Record> {
-        let half = |at: Timestamp| Timestamp::from_us(at.us() / 2);
-        Some(match record {
-            Record::Received { at, bytes } => {
-                let mut frames = Vec::new();
-                for byte in bytes {
-                    let Some(frame) = self.decoder.push(byte) else { continue };
-                    let mut message = Message::parse(frame.kind, frame.payload).expect("a whole capture");
-                    match &mut message {
-                        Message::Sonar(sonar) => sonar.t_us /= 2,
-                        Message::Encoder(encoder) => encoder.t_us /= 2,
-                        Message::TimeResponse { rx_us, tx_us, .. } => (*rx_us, *tx_us) = (*rx_us / 2, *tx_us / 2),
-                        _ => {}
-                    }
-                    frames.extend_from_slice(&self.encoder.encode(&message));
-                }
-                // A record without bytes would be a port opened anew.
-                (!frames.is_empty()).then_some(Record::Received { at: half(at), bytes: frames })?
-            }
-            Record::Sent { at, bytes } => Record::Sent { at: half(at), bytes },
-            Record::Truth { at, pose } => Record::Truth { at: half(at), pose },
-        })
-    }
 }
 
 /// Seconds of one sweep each, or per sweep.

@@ -105,7 +105,8 @@ const CHUNK: usize = 4096;
 
 /// What went over the line.
 enum Traffic {
-    Read(Bytes),
+    /// With the instant when the read returned.
+    Read(Instant, Bytes),
     Wrote(Bytes),
 }
 
@@ -115,10 +116,22 @@ impl OpenPort {
         self.outgoing.extend(frames.into_iter().take(room));
     }
 
+    /// Does what may bring a silent line back; why the port must be closed, where it must.
+    fn heal(&mut self, remedy: Remedy) -> Option<String> {
+        match remedy {
+            Remedy::Baud(baud) => self.stream.set_baud_rate(baud).err().map(|error| error.to_string()),
+            Remedy::Reopen => Some("silent for 10 s: the port is closed and opened anew".into()),
+        }
+    }
+
     async fn traffic(&mut self) -> std::io::Result<Traffic> {
         std::future::poll_fn(|context| self.poll_traffic(context)).await
     }
 
+    #[expect(
+        clippy::disallowed_methods,
+        reason = "how late a pose is begins here; it is reported, and changes nothing"
+    )]
     fn poll_traffic(&mut self, context: &mut Context<'_>) -> Poll<std::io::Result<Traffic>> {
         if let Some(first) = self.outgoing.front_mut()
             && let Poll::Ready(written) = Pin::new(&mut self.stream).poll_write(context, first)
@@ -132,10 +145,11 @@ impl OpenPort {
         let mut chunk = [0; CHUNK];
         let mut read = ReadBuf::new(&mut chunk);
         ready!(Pin::new(&mut self.stream).poll_read(context, &mut read))?;
+        let now = Instant::now();
         Poll::Ready(match read.filled() {
             // A hang-up: it would be read for ever.
             [] => Err(std::io::Error::other("it hung up")),
-            bytes => Ok(Traffic::Read(Bytes::copy_from_slice(bytes))),
+            bytes => Ok(Traffic::Read(now, Bytes::copy_from_slice(bytes))),
         })
     }
 }
@@ -173,6 +187,9 @@ pub async fn search(
     }
 }
 
+/// From one line of statistics in the log to the next.
+const STATISTICS: Duration = Duration::from_secs(300);
+
 /// What woke the loop.
 enum Wake {
     Traffic(std::io::Result<Traffic>),
@@ -204,8 +221,10 @@ pub async fn run(
     let Live { begin, session, recorder, saver } = live;
     let now = || Timestamp::default() + begin.elapsed();
     link.opened(now(), &port.name, &session.reception());
+    let mut statistics = Timestamp::default() + STATISTICS;
     loop {
         tell(link);
+        tell_statistics(session, &mut statistics);
         observe(link, Some(session));
         let deadline = link.deadline().into_iter().fold(session.next_deadline(), Ord::min);
         let deadline = begin + Duration::from_micros(deadline.us());
@@ -217,8 +236,9 @@ pub async fn run(
         let at = session.run_until(now());
         let (mut gone, mut hung_up) = (None, false);
         match wake {
-            Wake::Traffic(Ok(Traffic::Read(bytes))) => {
+            Wake::Traffic(Ok(Traffic::Read(read, bytes))) => {
                 session.received(at, &bytes);
+                session.delay(read.elapsed());
                 link.heard(at, &bytes, &session.reception());
                 if let Some(recorder) = recorder {
                     recorder.received(at, bytes);
@@ -237,11 +257,7 @@ pub async fn run(
         if let Some(saver) = saver {
             saver.tick(at, || session.memory());
         }
-        match link.take_remedy() {
-            Some(Remedy::Baud(baud)) => gone = port.stream.set_baud_rate(baud).err().map(|error| error.to_string()),
-            Some(Remedy::Reopen) => gone = Some("silent for 10 s: the port is closed and opened anew".into()),
-            None => {}
-        }
+        gone = gone.or_else(|| port.heal(link.take_remedy()?));
         port.queue(session.take_transmit());
         if recorder.as_mut().is_some_and(Recorder::take_new_part) {
             // Each capture of a recording can be replayed by itself: who the board is, and its ring, are heard in each.
@@ -278,6 +294,14 @@ fn tell(link: &mut Link) {
             LinkState::Searching | LinkState::Stale | LinkState::Lost => tracing::warn!("{change}"),
             _ => tracing::info!("{change}"),
         }
+    }
+}
+
+/// One log line every so often.
+fn tell_statistics(session: &Session, due: &mut Timestamp) {
+    if session.now() >= *due {
+        *due = session.now() + STATISTICS;
+        tracing::info!("{}", session.statistics());
     }
 }
 

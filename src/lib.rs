@@ -46,6 +46,7 @@ pub mod cli;
 pub mod daemon;
 pub mod monitor;
 pub mod port;
+pub mod priority;
 pub mod private;
 pub mod recorder;
 #[cfg(feature = "viewer")]

@@ -79,3 +79,36 @@ fn usage_errors_are_usage_errors() {
     assert_eq!(slamd(&["fly"]).0, 64);
     assert_eq!(slamd(&["--help"]).0, 0);
 }
+
+#[test]
+fn a_folder_is_replayed_and_a_bad_capture_stops_no_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let captures = folder.path().join("captures");
+    std::fs::create_dir(&captures).unwrap();
+    let good = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("replay/flat-emulated-mega.mcap");
+    std::fs::copy(good, captures.join("good.mcap")).unwrap();
+    std::fs::write(captures.join("bad.mcap"), "this is no capture").unwrap();
+    let replay = |options: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_slamd"));
+        command.arg("replay").arg(&captures).arg("--out").arg(folder.path().join("out")).args(options);
+        let output = command.output().unwrap();
+        (
+            output.status.code().unwrap(),
+            String::from_utf8(output.stdout).unwrap(),
+            String::from_utf8(output.stderr).unwrap(),
+        )
+    };
+    let (code, table, log) = replay(&["--jobs", "2"]);
+    assert_eq!(code, 65, "{log}");
+    assert!(log.contains("1 of 2 captures could not be replayed") && log.contains("not an MCAP file"), "{log}");
+    assert!(table.contains("| bad | failed |") && table.contains("| good | 60 | 599 | 0 | 0 |"), "{table}");
+    assert!(folder.path().join("out/good/map.png").exists());
+    let (code, _, log) = replay(&["--save-session", "x"]);
+    assert_eq!(code, 64, "{log}");
+    assert!(log.contains("for one capture"), "{log}");
+    std::fs::remove_file(captures.join("bad.mcap")).unwrap();
+    let (code, json, log) = replay(&["--json"]);
+    assert_eq!(code, 0, "{log}");
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert!(json[0]["summary"]["map_m2"].as_f64().unwrap() > 20.0, "{json}");
+}

@@ -45,8 +45,8 @@ fn direct(seed: u64) -> Accuracy {
     let mut daemon = Session::new(Config::default(), &output(&format!("direct-{seed}"))).unwrap();
     for record in session(mock_port::simulation(seed, LinkFaults::default(), DRIVE_S as f64)) {
         match record {
-            Record::Received { at, bytes } => daemon.received(at, &bytes).unwrap(),
-            Record::Sent { at, bytes } => daemon.sent(at, &bytes).unwrap(),
+            Record::Received { at, bytes } => daemon.received(at, &bytes),
+            Record::Sent { at, bytes } => daemon.sent(at, &bytes),
             Record::Truth { at, pose } => daemon.truth(at, pose).unwrap(),
         }
         daemon.take_transmit();

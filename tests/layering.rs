@@ -55,7 +55,7 @@ const TABLE: &[(&str, &[&str], bool)] = &[
         false,
     ),
     ("doctor", &["protocol", "time", "geometry", "event", "config", "align", "board", "link", "pipeline"], false),
-    ("session_file", &["time", "memory"], true),
+    ("session_file", &["time", "memory", "priority"], true),
     ("monitor", &["time", "geometry", "event", "link", "mapping"], false),
     ("private", &[], true),
     ("capture", &["time", "geometry", "private"], true),
@@ -79,6 +79,7 @@ const TABLE: &[(&str, &[&str], bool)] = &[
     ("viewer", &["time", "geometry", "sweep", "event", "mapping", "metrics", "monitor", "pipeline", "source"], true),
     ("recorder", &["time", "capture", "private"], true),
     ("port", &[], true),
+    ("priority", &[], true),
     ("daemon", EVERYTHING, true),
     ("cli", EVERYTHING, true),
 ];

@@ -10,7 +10,7 @@ use clap::Args;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-#[derive(Debug, Args)]
+#[derive(Debug, Default, Args)]
 pub(super) struct KeptArgs {
     /// Go on with the map, walls, wheels and sensors of this session; the robot stands where it stood.
     #[arg(long, value_name = "FILE", conflicts_with = "localize")]
@@ -27,6 +27,11 @@ pub(super) struct KeptArgs {
 }
 
 impl KeptArgs {
+    /// True where anything is to be taken from, or left for, another run.
+    pub(super) fn is_any(&self) -> bool {
+        [&self.resume, &self.localize, &self.save_session, &self.save_calibration].iter().any(|path| path.is_some())
+    }
+
     /// The session, begun with what was kept.
     pub(super) fn begin(&self, config: Config, folder: &Path) -> Result<Session, Failure> {
         let keeps = self.save_session.is_some() || self.save_calibration.is_some();

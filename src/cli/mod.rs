@@ -11,6 +11,7 @@ mod monitor;
 mod ports;
 mod record;
 mod replay;
+mod replay_folder;
 mod run;
 mod simulate;
 mod terminal;
@@ -29,6 +30,7 @@ use tracing_subscriber::util::SubscriberInitExt as _;
 const EXAMPLES: &str = "Examples:
   slamd --port /dev/ttyUSB0                       map with a robot
   slamd replay replay/flat-paper-faults.mcap      no robot needed: leaves a map in slamd-out/
+  slamd replay recordings/ --out maps             every capture of a folder, on all cores, and a table
   slamd simulate --world flat --seed 1 --duration 120 --faults paper --capture drive.mcap
   slamd simulate --world office --pty robot & slamd --port robot --record drive.mcap";
 
@@ -45,7 +47,7 @@ enum Command {
     /// Map with a robot on a serial port (the same as without a command).
     Run(run::RunArgs),
     Monitor(monitor::MonitorArgs),
-    /// Run a recorded or simulated session again, as fast as it goes.
+    /// Run a recorded or simulated session again, as fast as it goes, or all those of a folder at once.
     Replay(replay::ReplayArgs),
     /// Drive a simulated robot, into a capture or on a pseudo-terminal.
     Simulate(Box<simulate::SimulateArgs>),

@@ -34,7 +34,7 @@ impl RecordArgs {
     pub(super) fn begin(&self, info: CaptureInfo) -> Result<Option<Recorder>, Failure> {
         let Some(path) = &self.record else { return Ok(None) };
         let is_folder = path.is_dir() || path.as_os_str().as_encoded_bytes().ends_with(b"/");
-        let minutes = self.record_minutes.or((is_folder && self.record_mib.is_none()).then_some(HOUR));
+        let minutes = self.record_minutes.or_else(|| (is_folder && self.record_mib.is_none()).then_some(HOUR));
         let plan = Plan {
             most_bytes: self.record_mib.map(|mib| u64::from(mib) * MIB),
             most_time: minutes.map(|minutes| Duration::from_secs(60 * u64::from(minutes))),

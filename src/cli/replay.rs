@@ -1,6 +1,7 @@
-//! `slamd replay FILE`
+//! `slamd replay FILE|DIR`
 
 use super::kept::KeptArgs;
+use super::replay_folder::replay_folder;
 use super::{Failure, Kind, OutputArgs, terminal};
 use crate::capture::CaptureReader;
 use crate::config::Config;
@@ -12,8 +13,11 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
 pub(super) struct ReplayArgs {
-    /// A capture (MCAP): recorded with --record, simulated or imported.
+    /// A capture (MCAP): recorded with --record, simulated or imported; or a folder of captures, each replayed into a folder of --out.
     file: PathBuf,
+    /// Captures of a folder replayed at once [default: one per core].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    jobs: Option<u16>,
     #[command(flatten)]
     kept: KeptArgs,
     #[cfg(feature = "viewer")]
@@ -25,7 +29,10 @@ pub(super) struct ReplayArgs {
 
 impl ReplayArgs {
     pub(super) fn run(self) -> Result<(), Failure> {
-        let (mut capture, mut session) = open(&self.file, &self.kept, &self.output)?;
+        if self.file.is_dir() {
+            return self.run_folder();
+        }
+        let (mut capture, mut session) = open(&self.file, &self.kept, &self.output, &self.output.out)?;
         #[cfg(feature = "viewer")]
         let watched = {
             let name = self.file.file_stem().unwrap_or_default().to_string_lossy();
@@ -46,17 +53,37 @@ impl ReplayArgs {
         watched.finish()?;
         saved
     }
+
+    fn run_folder(&self) -> Result<(), Failure> {
+        #[cfg(feature = "viewer")]
+        let is_watched = self.viewer.is_any();
+        #[cfg(not(feature = "viewer"))]
+        let is_watched = false;
+        if self.kept.is_any() || is_watched {
+            let text = format!(
+                "{} is a folder: --resume, --localize, --save-session, --save-calibration and --viewer are for one capture",
+                self.file.display()
+            );
+            return Err(Failure::new(Kind::Usage, text));
+        }
+        replay_folder(&self.file, self.jobs.map(usize::from), &self.output)
+    }
 }
 
-/// A capture and the session that it is fed to.
-pub(super) fn open(file: &Path, kept: &KeptArgs, output: &OutputArgs) -> Result<(CaptureReader, Session), Failure> {
+/// A capture and the session that it is fed to, which writes into `folder`.
+pub(super) fn open(
+    file: &Path,
+    kept: &KeptArgs,
+    output: &OutputArgs,
+    folder: &Path,
+) -> Result<(CaptureReader, Session), Failure> {
     let capture = CaptureReader::open(file)?;
     let info = capture.info().clone();
     let embedded = if output.config.is_some() { Ok(Config::default()) } else { Config::from_toml(&info.config_toml) };
     let embedded = embedded.map_err(|error| {
         Failure::new(Kind::Data, format!("{}: its configuration: {error}; give one with --config", file.display()))
     })?;
-    let mut session = kept.begin(output.configuration(embedded)?, &output.out)?;
+    let mut session = kept.begin(output.configuration(embedded)?, folder)?;
     if let Some(words) = &info.faults {
         let faults: Result<Vec<TrueFault>, _> = words.iter().map(|word| word.parse()).collect();
         let faults = faults.map_err(|error| Failure::new(Kind::Data, format!("{}: {error}", file.display())))?;

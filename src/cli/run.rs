@@ -8,6 +8,7 @@ use crate::daemon::{self, Live, Observer, Options, Shutdown};
 use crate::event::FaultEvent;
 use crate::link::Link;
 use crate::port::PortName;
+use crate::priority;
 use crate::publish::Summary;
 use crate::recorder::{Losses, Recorder};
 use clap::Args;
@@ -39,6 +40,9 @@ pub(super) struct LiveArgs {
     /// Stop when the port hangs up, instead of waiting for its return.
     #[arg(long)]
     exit_on_hangup: bool,
+    /// Let the pipeline go before all other programs (SCHED_FIFO), where that is permitted.
+    #[arg(long)]
+    realtime: bool,
     #[command(flatten)]
     pub(super) kept: KeptArgs,
     #[cfg(feature = "viewer")]
@@ -113,6 +117,12 @@ impl LiveArgs {
         let watched = self.viewer.begin(&config.robot.name, info.unix_zero_us)?;
         #[cfg(feature = "viewer")]
         watched.watch(&mut session);
+        // Recorder and viewers have their threads by now, and keep their priority.
+        if self.realtime
+            && let Err(trouble) = priority::real_time()
+        {
+            tracing::warn!("{trouble}");
+        }
         let live = Live { begin, session: &mut session, recorder: &mut recorder, saver: &mut saver };
         let run = daemon::run(options, port, &mut link, shutdown, live, observe);
         runtime.block_on(run);

@@ -16,6 +16,14 @@ pub(super) fn progress(seconds: Option<f64>) -> ProgressBar {
     bar
 }
 
+/// A bar over so many things, on a terminal only.
+pub(super) fn progress_over(count: usize) -> ProgressBar {
+    let bar = ProgressBar::new(count as u64).with_style(style("{bar:40} {pos} of {len}, {elapsed} {msg}"));
+    bar.set_draw_target(indicatif::ProgressDrawTarget::stderr());
+    bar.enable_steady_tick(std::time::Duration::from_millis(200));
+    bar
+}
+
 /// Moves the bar.
 pub(super) fn show(bar: &ProgressBar, seconds: f64) {
     let now = tenths(seconds);
@@ -39,6 +47,9 @@ pub(super) fn report(summary: &Summary, faulty: &[FaultEvent], folder: &Path, js
     say(format_args!("{} sweeps, {} dropped, {} CRC errors", summary.sweeps, summary.dropped, summary.crc_errors));
     if let (Some(mean), Some(p99)) = (summary.mean_us_per_sweep, summary.p99_us_per_sweep) {
         say(format_args!("{mean:.0} us per sweep, 99th percentile {p99:.0} us"));
+    }
+    if let Some(latency) = &summary.latency {
+        say(latency);
     }
     if let Some(accuracy) = &summary.accuracy {
         say(format_args!(

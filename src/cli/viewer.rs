@@ -57,6 +57,11 @@ impl LiveViewerArgs {
 }
 
 impl ReplayViewerArgs {
+    /// True where anybody is to watch.
+    pub(super) fn is_any(&self) -> bool {
+        self.viewer.iter().any(|choice| *choice != Choice::Off)
+    }
+
     pub(super) fn begin(&self, capture: &str, unix_zero_us: Option<u64>) -> Result<Watched, Failure> {
         begin(&self.viewer, capture, unix_zero_us, true)
     }

@@ -10,7 +10,7 @@ mod track;
 mod trajectory;
 
 pub use picture::{Curve, Plot};
-pub use summary::Summary;
+pub use summary::{Latency, Summary};
 
 use crate::config::Config;
 use crate::event::{Calibration, Counters, Event, PositionEvent, SensorState};
@@ -72,6 +72,7 @@ pub struct Outputs {
     faults: Option<FaultMeter>,
     position: Option<PositionEvent>,
     timings: Timings,
+    delays: Timings,
 }
 
 impl Outputs {
@@ -97,6 +98,7 @@ impl Outputs {
             faults: None,
             position: None,
             timings: Timings::new(),
+            delays: Timings::new(),
         })
     }
 
@@ -158,6 +160,17 @@ impl Outputs {
         self.timings.add(elapsed);
     }
 
+    /// Takes how long after its last byte had been read a pose was out.
+    pub fn delay(&mut self, elapsed: Duration) {
+        self.delays.add(elapsed);
+    }
+
+    /// How late poses have been; none before the first.
+    #[must_use]
+    pub fn latency(&self) -> Option<Latency> {
+        self.delays.latency()
+    }
+
     /// Writes the map, the picture and the summary and gives every file its name; `summary.json` comes last.
     ///
     /// # Errors
@@ -170,6 +183,9 @@ impl Outputs {
         (summary.lock_losses, summary.uncertain_s) = (self.lock_log.losses(), self.lock_log.uncertain_s());
         summary.faults = self.faults.as_ref().map(|meter| meter.detection().score());
         (summary.mean_us_per_sweep, summary.p99_us_per_sweep) = self.timings.mean_and_p99_us().unzip();
+        summary.latency = self.latency();
+        let known = state.raster.occupancy.iter().filter(|percent| **percent != Raster::UNKNOWN).count();
+        summary.map_m2 = known as f64 * state.raster.cell_m * state.raster.cell_m;
         summary.map_sha256 = map_file::write_map(&self.folder, state.raster)?;
         let picture = self
             .picture(state, &summary)

@@ -4,6 +4,7 @@ use crate::event::{Calibration, Counters, PositionEvent};
 use crate::metrics::{Accuracy, FaultScore};
 use hdrhistogram::Histogram;
 use serde::Serialize;
+use std::fmt;
 use std::time::Duration;
 
 /// A run in a few numbers.
@@ -25,6 +26,10 @@ pub struct Summary {
     pub mean_us_per_sweep: Option<f64>,
     /// 99th percentile of the same.
     pub p99_us_per_sweep: Option<f64>,
+    /// From the last byte read to the pose written and shown; none where nothing was live.
+    pub latency: Option<Latency>,
+    /// Square metres of the map of which something is known.
+    pub map_m2: f64,
     /// SHA-256 of `trajectory.tum`.
     pub trajectory_sha256: String,
     /// SHA-256 of `map.pgm`.
@@ -41,6 +46,26 @@ pub struct Summary {
     pub faults: Option<FaultScore>,
 }
 
+/// How late poses were, milliseconds.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Latency {
+    /// Half of them at most.
+    pub p50_ms: f64,
+    /// All but one in a hundred.
+    pub p99_ms: f64,
+    /// All but one in a thousand.
+    pub p999_ms: f64,
+    /// The latest.
+    pub max_ms: f64,
+}
+
+impl fmt::Display for Latency {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { p50_ms, p99_ms, p999_ms, max_ms } = self;
+        write!(f, "byte to pose {p50_ms:.2} ms, p99 {p99_ms:.2}, p99.9 {p999_ms:.2}, greatest {max_ms:.2}")
+    }
+}
+
 impl Summary {
     pub(super) fn new(counters: Counters) -> Self {
         Self {
@@ -52,6 +77,8 @@ impl Summary {
             uncertain_s: 0.0,
             mean_us_per_sweep: None,
             p99_us_per_sweep: None,
+            latency: None,
+            map_m2: 0.0,
             trajectory_sha256: String::new(),
             map_sha256: String::new(),
             calibration: None,
@@ -84,6 +111,18 @@ impl Timings {
 
     pub(super) fn add(&mut self, elapsed: Duration) {
         self.nanoseconds.saturating_record(u64::try_from(elapsed.as_nanos()).unwrap_or(MAX_NS));
+    }
+
+    /// The same as how late poses were.
+    pub(super) fn latency(&self) -> Option<Latency> {
+        let ms = |ns: u64| 1e-6 * ns as f64;
+        let quantile = |share| ms(self.nanoseconds.value_at_quantile(share));
+        (!self.nanoseconds.is_empty()).then(|| Latency {
+            p50_ms: quantile(0.5),
+            p99_ms: quantile(0.99),
+            p999_ms: quantile(0.999),
+            max_ms: ms(self.nanoseconds.max()),
+        })
     }
 
     /// Mean and 99th percentile, microseconds.

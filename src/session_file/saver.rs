@@ -2,6 +2,7 @@
 
 use super::{FileError, write};
 use crate::memory::Memory;
+use crate::priority;
 use crate::time::Timestamp;
 use std::path::PathBuf;
 use std::thread::JoinHandle;
@@ -36,7 +37,10 @@ impl Saver {
         }
         if let Some(memory) = memory() {
             let path = self.path.clone();
-            self.writing = Some(std::thread::spawn(move || write(&path, &memory)));
+            self.writing = Some(std::thread::spawn(move || {
+                priority::background();
+                write(&path, &memory)
+            }));
         }
     }
 

@@ -48,6 +48,8 @@ pub struct Session {
     transmit: Vec<Bytes>,
     faulty: Vec<Option<FaultEvent>>,
     estimate: Option<Estimate>,
+    /// Whether the last input brought a pose.
+    has_posed: bool,
     now: Timestamp,
     watcher: Option<Watcher>,
 }
@@ -62,7 +64,7 @@ impl Session {
         let outputs = Outputs::create(folder)?;
         let (transmit, faulty) = (Vec::new(), Vec::new());
         let now = Timestamp::default();
-        Ok(Self { config, pipeline, outputs, transmit, faulty, estimate: None, now, watcher: None })
+        Ok(Self { config, pipeline, outputs, transmit, faulty, estimate: None, has_posed: false, now, watcher: None })
     }
 
     /// Lets somebody watch.
@@ -102,6 +104,24 @@ impl Session {
     pub fn received(&mut self, at: Timestamp, bytes: &[u8]) {
         let at = self.run_until(at);
         self.handle(if bytes.is_empty() { Input::Opened { at } } else { Input::Received { at, bytes } });
+    }
+
+    /// The last input's last byte was read `elapsed` ago: how late its pose is, if it brought one.
+    pub fn delay(&mut self, elapsed: Duration) {
+        if self.has_posed {
+            self.outputs.delay(elapsed);
+        }
+    }
+
+    /// How it fares, in a line.
+    #[must_use]
+    pub fn statistics(&self) -> String {
+        let counters = self.pipeline.counters();
+        let latency = self.outputs.latency().map_or_else(String::new, |latency| format!("; {latency}"));
+        format!(
+            "{} sweeps, {} dropped; {} frames, {} lost, {} CRC errors{latency}",
+            counters.sweeps, counters.dropped_sweeps, counters.frames, counters.lost_frames, counters.crc_errors
+        )
     }
 
     /// Bytes were written.
@@ -223,6 +243,7 @@ impl Session {
             }
         }
         self.show(Sight::Input, elapsed);
+        self.has_posed = sweeps > 0;
         // The first sweeps are used all at once, when the building's axis is found.
         for _ in 0..sweeps {
             self.outputs.timing(elapsed / sweeps);

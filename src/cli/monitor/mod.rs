@@ -89,7 +89,7 @@ impl MonitorArgs {
     }
 
     fn play(&self, file: &Path, log: Log, runtime: &Runtime, mut shutdown: Shutdown) -> Result<(), Failure> {
-        let (mut capture, mut session) = replay::open(file, &self.live.kept, &self.output)?;
+        let (mut capture, mut session) = replay::open(file, &self.live.kept, &self.output, &self.output.out)?;
         let mut screen = self.screen(log, &shutdown)?;
         let mut sampler = Sampler::new(session.config(), screen.slot());
         let play = play::play(&mut capture, &mut session, self.speed, &mut shutdown, &mut sampler, file);
