@@ -166,23 +166,17 @@ impl Fan {
     /// Clears along one ray from `start_m` on, and gives where it ends: at an occupied cell, else at infinity.
     fn ray(&self, grid: &mut OccupancyGrid, ray: usize, start_m: f64, free: i16) -> f64 {
         let (cos, sin) = self.direction(ray, self.steps + 1);
-        let step_m = grid.cell_m();
-        let mut distance_m = start_m + 0.5 * step_m;
-        while distance_m < self.reach_m {
-            let cell = grid.cell(Point::new(self.origin.x + distance_m * cos, self.origin.y + distance_m * sin));
-            if grid.clear(cell, free, OPAQUE) {
-                let against = match grid.facing(cell) {
-                    Some(Facing::X) if sin.abs() > SIN_MIRROR => 0,
-                    Some(Facing::Y) if cos.abs() > SIN_MIRROR => 0,
-                    Some(_) => WALL_CONTRADICTED,
-                    None => CONTRADICTED,
-                };
-                grid.add(cell, against);
-                return distance_m;
-            }
-            distance_m += step_m;
-        }
-        f64::INFINITY
+        let first_m = start_m + 0.5 * grid.cell_m();
+        let ray = grid.ray(self.origin, (cos, sin), first_m, self.reach_m);
+        let Some((step, cell)) = grid.clear(ray, free, OPAQUE) else { return f64::INFINITY };
+        let against = match grid.facing(cell) {
+            Some(Facing::X) if sin.abs() > SIN_MIRROR => 0,
+            Some(Facing::Y) if cos.abs() > SIN_MIRROR => 0,
+            Some(_) => WALL_CONTRADICTED,
+            None => CONTRADICTED,
+        };
+        grid.add(cell, against);
+        first_m + f64::from(step) * grid.cell_m()
     }
 }
 

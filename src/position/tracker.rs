@@ -5,7 +5,7 @@ use super::filter::{Filter, MAX_WALLS, Measurement, ROBOT};
 use super::lock::LockWatch;
 use super::nursery::Nursery;
 use crate::event::Calibration;
-use crate::geometry::{Pose2, wrap_angle};
+use crate::geometry::{Placement, Pose2, nearest_quarter};
 use crate::sweep::{Beam, Sweep};
 use nalgebra::SVector;
 
@@ -79,6 +79,8 @@ pub(super) const WELL_KNOWN: u32 = 15;
 /// Two sightings of one side nearer than this, and within the gate, are one wall.
 const SAME_WALL_M: f64 = 0.07;
 const SAME_GAP_M: f64 = 0.6;
+/// Variance of the difference of what one wall's two offsets are, m².
+const SAME_NOISE_M2: f64 = 2.0 * MODEL_SIGMA_M * MODEL_SIGMA_M;
 /// Walls farther than this leave the filter when it is full, and come back when nearer.
 const PARK_M: f64 = 6.0;
 const UNPARK_M: f64 = 4.5;
@@ -128,9 +130,9 @@ impl Tracker {
     /// Works out at which range each beam must hear a wall that is well known and squarely in its cone.
     pub fn expect(&mut self, sweep: &Sweep) {
         self.expected.clear();
-        let pose = self.filter.pose();
+        let place = Placement::from(self.filter.pose());
         for beam in &sweep.beams {
-            self.expected.push(self.expected_range(pose, beam));
+            self.expected.push(self.expected_range(place, beam));
         }
     }
 
@@ -140,11 +142,13 @@ impl Tracker {
         self.expected.get(sensor).copied().flatten()
     }
 
-    fn expected_range(&self, pose: Pose2, beam: &Beam) -> Option<f64> {
-        let sensor = pose * beam.robot_from_sensor;
-        let most_off_rad = 0.7 * beam.half_angle_rad.max(0.1);
-        let faced = |side: &Side| wrap_angle(sensor.theta_rad - side.normal_rad()).abs() <= most_off_rad;
-        let side = Side::ALL.into_iter().find(faced)?;
+    fn expected_range(&self, place: Placement, beam: &Beam) -> Option<f64> {
+        let sensor = place * beam.robot_from_sensor;
+        let (quarter, off_rad) = nearest_quarter(sensor.theta_rad);
+        if off_rad.abs() > 0.7 * beam.half_angle_rad.max(0.1) {
+            return None;
+        }
+        let side = Side::ALL[quarter];
         let (across_m, along_m) = side.split(sensor.position());
         let mut nearest: Option<f64> = None;
         for (index, wall) in self.walls.iter().enumerate() {
@@ -162,8 +166,9 @@ impl Tracker {
     pub fn correct(&mut self, sweep: &Sweep, may_learn: bool, is_trusted: impl Fn(usize) -> bool) {
         self.uses.clear();
         self.matches.clear();
+        let place = Placement::from(self.filter.pose());
         for (sensor, beam) in sweep.beams.iter().enumerate() {
-            let sighting = if is_trusted(sensor) { sight(self.filter.pose(), beam) } else { None };
+            let sighting = if is_trusted(sensor) { sight(place, beam) } else { None };
             let found = sighting.and_then(|sighting| self.wall_of(&sighting));
             self.matches.push(found);
             if sighting.is_some() {
@@ -269,11 +274,15 @@ impl Tracker {
     /// All beams on one wall as one measurement at the pose as it is now.
     fn fuse(&mut self, sweep: &Sweep, wall: usize) -> Option<Measurement> {
         let (mut weight, mut innovation, mut robot) = (0.0, 0.0, SVector::<f64, ROBOT>::zeros());
+        if !self.matches.contains(&Some(wall)) {
+            return None;
+        }
+        let place = Placement::from(self.filter.pose());
         for sensor in 0..self.matches.len() {
             if self.matches[sensor] != Some(wall) {
                 continue;
             }
-            let Some(sighting) = sight(self.filter.pose(), &sweep.beams[sensor]) else { continue };
+            let Some(sighting) = sight(place, &sweep.beams[sensor]) else { continue };
             let measurement = self.measure(&sighting, wall);
             weight += 1.0 / measurement.variance;
             innovation += measurement.innovation / measurement.variance;
@@ -294,14 +303,15 @@ impl Tracker {
 
     /// Gathers what no wall explains, until it is a wall.
     fn learn(&mut self, sweep: &Sweep) {
+        let place = Placement::from(self.filter.pose());
         for sensor in 0..self.uses.len() {
             if !matches!(self.uses[sensor], Use::Unexplained) {
                 continue;
             }
-            let Some(sighting) = sight(self.filter.pose(), &sweep.beams[sensor]) else { continue };
+            let Some(sighting) = sight(place, &sweep.beams[sensor]) else { continue };
             let Some(new) = self.nursery.add(&sighting, sweep.index) else { continue };
             let by_robot = sighting.by_robot * -sighting.side.sign();
-            if self.filter.add(new.offset_m, &by_robot, MODEL_SIGMA_M * MODEL_SIGMA_M * 2.0).is_some() {
+            if self.filter.add(new.offset_m, &by_robot, SAME_NOISE_M2).is_some() {
                 let (lo_m, hi_m, now) = (new.lo_m, new.hi_m, sweep.index);
                 let wall = Wall { side: new.side, lo_m, hi_m, hits: 1, last_sweep: now, first_sweep: Some(now) };
                 self.walls.push(wall);
@@ -311,20 +321,10 @@ impl Tracker {
 
     /// Makes one wall of two that are the same.
     fn merge(&mut self) {
-        let Some(newest) = self.walls.len().checked_sub(1) else { return };
-        for a in 0..newest {
-            for b in a + 1..=newest {
+        for a in 0..self.walls.len() {
+            if let Some(b) = (a + 1..self.walls.len()).find(|&b| self.is_same(a, b)) {
                 let (one, other) = (self.walls[a], self.walls[b]);
-                let gap_m = (one.lo_m - other.hi_m).max(other.lo_m - one.hi_m);
-                let apart_m = (self.filter.offset_m(a) - self.filter.offset_m(b)).abs();
-                if one.side != other.side || gap_m > SAME_GAP_M || apart_m > SAME_WALL_M {
-                    continue;
-                }
-                let noise = MODEL_SIGMA_M * MODEL_SIGMA_M * 2.0;
-                if apart_m.powi(2) > 9.0 * (self.filter.difference_variance(a, b) + noise) {
-                    continue;
-                }
-                self.filter.merge(a, b, noise);
+                self.filter.merge(a, b, SAME_NOISE_M2);
                 self.walls[a].lo_m = one.lo_m.min(other.lo_m);
                 self.walls[a].hi_m = one.hi_m.max(other.hi_m);
                 self.walls[a].hits += other.hits;
@@ -333,6 +333,19 @@ impl Tracker {
                 return;
             }
         }
+    }
+
+    /// Whether two walls are one.
+    fn is_same(&self, a: usize, b: usize) -> bool {
+        let (one, other) = (&self.walls[a], &self.walls[b]);
+        if one.side != other.side {
+            return false;
+        }
+        let gap_m = (one.lo_m - other.hi_m).max(other.lo_m - one.hi_m);
+        let apart_m = (self.filter.offset_m(a) - self.filter.offset_m(b)).abs();
+        gap_m <= SAME_GAP_M
+            && apart_m <= SAME_WALL_M
+            && apart_m.powi(2) <= 9.0 * (self.filter.difference_variance(a, b) + SAME_NOISE_M2)
     }
 
     /// Keeps places free in the filter: far walls leave it, and come back when the robot does.
