@@ -8,8 +8,15 @@ use std::ops::Mul;
 /// Wraps an angle to (−π, π].
 #[must_use]
 pub fn wrap_angle(angle_rad: f64) -> f64 {
-    let turned = angle_rad - TAU * libm::floor(angle_rad / TAU);
-    if turned > PI { turned - TAU } else { turned }
+    match angle_rad {
+        _ if angle_rad > -PI && angle_rad <= PI => angle_rad,
+        _ if angle_rad > PI && angle_rad <= 3.0 * PI => angle_rad - TAU,
+        _ if angle_rad > -3.0 * PI && angle_rad <= -PI => angle_rad + TAU,
+        _ => {
+            let turned = angle_rad - TAU * libm::floor(angle_rad / TAU);
+            if turned > PI { turned - TAU } else { turned }
+        }
+    }
 }
 
 /// The quarter turn that an angle between −2π and 2π lies nearest to, 0 to 3 counter-clockwise, and how far it lies beyond that, radians.

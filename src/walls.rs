@@ -66,7 +66,7 @@ const DOUBT_RAD: f64 = 1.0 * std::f64::consts::PI / 180.0;
 /// A check farther off than this speaks of another axis, not of drift.
 const CHECK_RAD: f64 = 6.0 * std::f64::consts::PI / 180.0;
 /// A sensor clears its cone in one of so many sweeps; what it hears is marked in each.
-const CLEARING_SWEEPS: u64 = 4;
+const CLEARING_SWEEPS: u64 = 8;
 /// A return is a known wall's when it lies on its line up to this, at most so far beyond where the wall has been seen, metres.
 const ON_LINE_M: f64 = 0.06;
 const EXTENDED_M: f64 = 1.0;

@@ -222,32 +222,31 @@ impl OccupancyGrid {
         }
     }
 
-    /// The tile of a cell that is about to change, made where it does not exist; none, and counted, where there is no more room.
+    /// The tile of a cell that is about to change; none where there is no room for it.
     fn tile(&mut self, cell: Cell) -> Option<&mut Tile> {
+        let place = self.tile_place(cell)?;
+        Some(&mut self.tiles[place])
+    }
+
+    /// Where the tile of a cell is that is about to change, made where it does not exist; none, and counted, where there is no more room.
+    fn tile_place(&mut self, cell: Cell) -> Option<usize> {
         let key = tile_of(cell);
-        let place = match self.recent {
-            Some((recent, place)) if recent == key => place,
-            _ => {
-                let next = self.tiles.len();
-                let place = match self.places.get(&key) {
-                    Some(&place) => place,
-                    None if next < MAX_TILES => {
-                        self.tiles.push(Tile { cells: [0; TILE * TILE], facing: [[0; 2]; TILE], revision: 0 });
-                        self.places.insert(key, next);
-                        next
-                    }
-                    None => {
-                        self.refused += 1;
-                        return None;
-                    }
-                };
-                self.recent = Some((key, place));
+        let place = match self.place(key) {
+            Some(place) => place,
+            None if self.tiles.len() < MAX_TILES => {
+                let place = self.tiles.len();
+                self.tiles.push(Tile { cells: [0; TILE * TILE], facing: [[0; 2]; TILE], revision: 0 });
+                self.places.insert(key, place);
                 place
             }
+            None => {
+                self.refused += 1;
+                return None;
+            }
         };
-        let tile = &mut self.tiles[place];
-        tile.revision = self.revision;
-        Some(tile)
+        self.recent = Some((key, place));
+        self.tiles[place].revision = self.revision;
+        Some(place)
     }
 
     /// The known part of the grid as a rectangle.

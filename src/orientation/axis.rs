@@ -148,7 +148,7 @@ impl AxisFinder {
                 self.votes[side][bin + 1] += part;
             }
         }
-        self.votes.iter().flatten().map(|&votes| f64::from(votes * votes)).sum()
+        self.votes.iter().map(|side| side.iter().map(|votes| f64::from(votes * votes)).sum::<f64>()).sum()
     }
 
     /// Where between the directions the peak lies: the vertex of a parabola through its neighbourhood.

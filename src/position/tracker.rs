@@ -56,6 +56,8 @@ pub struct Tracker {
     pub(super) nursery: Nursery,
     pub(super) uses: Vec<Use>,
     matches: Vec<Option<usize>>,
+    /// The walls among the matches, each once.
+    seen: Vec<usize>,
     expected: Vec<Option<f64>>,
     pub(super) watch: LockWatch,
     nis: f64,
@@ -98,6 +100,7 @@ impl Tracker {
             nursery: Nursery::default(),
             uses: Vec::new(),
             matches: Vec::new(),
+            seen: Vec::new(),
             expected: Vec::new(),
             watch: LockWatch::default(),
             nis: f64::NAN,
@@ -181,6 +184,10 @@ impl Tracker {
                 _ => Use::Unused,
             });
         }
+        self.seen.clear();
+        self.seen.extend(self.matches.iter().flatten());
+        self.seen.sort_unstable();
+        self.seen.dedup();
         let (mut nis_sum, mut seen) = (0.0, 0.0);
         if let Some((innovation_rad, variance)) = self.turn() {
             let distance = innovation_rad.powi(2) / (self.filter.pose_covariance()[(2, 2)] + variance);
@@ -191,7 +198,8 @@ impl Tracker {
                 self.filter.update_heading(innovation_rad, variance);
             }
         }
-        for index in 0..self.walls.len() {
+        for place in 0..self.seen.len() {
+            let index = self.seen[place];
             if let Some(measurement) = self.fuse(sweep, index) {
                 nis_sum += measurement.innovation.powi(2) / self.filter.innovation_variance(&measurement);
                 seen += 1.0;
@@ -205,7 +213,7 @@ impl Tracker {
             if may_learn && !self.watch.is_doubtful() {
                 self.learn(sweep);
             }
-            self.merge();
+            self.merge(sweep.index);
         }
         self.park();
     }
@@ -251,7 +259,7 @@ impl Tracker {
     /// What the beams say of the heading: on each wall, how their misfits grow with how they feel a turn.
     fn turn(&self) -> Option<(f64, f64)> {
         let (mut information, mut sum) = (0.0, 0.0);
-        for wall in 0..self.walls.len() {
+        for &wall in &self.seen {
             let (mut w, mut wh, mut whh, mut wz, mut whz) = (0.0, 0.0, 0.0, 0.0, 0.0);
             for (used, found) in self.uses.iter().zip(&self.matches) {
                 let (Use::Wall(sighting), true) = (used, *found == Some(wall)) else { continue };
@@ -274,9 +282,6 @@ impl Tracker {
     /// All beams on one wall as one measurement at the pose as it is now.
     fn fuse(&mut self, sweep: &Sweep, wall: usize) -> Option<Measurement> {
         let (mut weight, mut innovation, mut robot) = (0.0, 0.0, SVector::<f64, ROBOT>::zeros());
-        if !self.matches.contains(&Some(wall)) {
-            return None;
-        }
         let place = Placement::from(self.filter.pose());
         for sensor in 0..self.matches.len() {
             if self.matches[sensor] != Some(wall) {
@@ -319,10 +324,14 @@ impl Tracker {
         }
     }
 
-    /// Makes one wall of two that are the same.
-    fn merge(&mut self) {
+    /// Makes one wall of two that are the same; only what this sweep has seen has moved.
+    fn merge(&mut self, sweep: u64) {
         for a in 0..self.walls.len() {
-            if let Some(b) = (a + 1..self.walls.len()).find(|&b| self.is_same(a, b)) {
+            if self.walls[a].last_sweep != sweep {
+                continue;
+            }
+            let other = |&b: &usize| a != b && self.is_same(a, b);
+            if let Some((a, b)) = (0..self.walls.len()).find(other).map(|b| (a.min(b), a.max(b))) {
                 let (one, other) = (self.walls[a], self.walls[b]);
                 self.filter.merge(a, b, SAME_NOISE_M2);
                 self.walls[a].lo_m = one.lo_m.min(other.lo_m);
