@@ -2,14 +2,30 @@
 //!
 //! Transforms read right to left: `world_from_robot * robot_from_sensor`.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::ops::Mul;
 
 /// Wraps an angle to (−π, π].
 #[must_use]
 pub fn wrap_angle(angle_rad: f64) -> f64 {
-    let turned = angle_rad - TAU * libm::floor(angle_rad / TAU);
-    if turned > PI { turned - TAU } else { turned }
+    match angle_rad {
+        _ if angle_rad > -PI && angle_rad <= PI => angle_rad,
+        _ if angle_rad > PI && angle_rad <= 3.0 * PI => angle_rad - TAU,
+        _ if angle_rad > -3.0 * PI && angle_rad <= -PI => angle_rad + TAU,
+        _ => {
+            let turned = angle_rad - TAU * libm::floor(angle_rad / TAU);
+            if turned > PI { turned - TAU } else { turned }
+        }
+    }
+}
+
+/// The quarter turn that an angle between −2π and 2π lies nearest to, 0 to 3 counter-clockwise, and how far it lies beyond that, radians.
+#[must_use]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 8 as floats are whole")]
+pub fn nearest_quarter(angle_rad: f64) -> (usize, f64) {
+    // A cast rounds toward zero, cheaper than a call of floor.
+    let quarter = (angle_rad / FRAC_PI_2 + 4.5) as usize;
+    (quarter & 3, angle_rad - (quarter as f64 - 4.0) * FRAC_PI_2)
 }
 
 /// A point in metres.
@@ -43,8 +59,7 @@ impl Pose2 {
     /// Maps a point from the inner frame to the outer one.
     #[must_use]
     pub fn transform(self, point: Point) -> Point {
-        let (sin, cos) = libm::sincos(self.theta_rad);
-        Point::new(self.x_m + cos * point.x - sin * point.y, self.y_m + sin * point.x + cos * point.y)
+        Placement::from(self).transform(point)
     }
 
     /// The origin of the inner frame.
@@ -73,10 +88,47 @@ impl Mul for Pose2 {
     type Output = Self;
 
     /// `outer_from_middle * middle_from_inner`.
-    #[expect(clippy::suspicious_arithmetic_impl, reason = "headings add where transforms multiply")]
     fn mul(self, inner: Self) -> Self {
+        Placement::from(self) * inner
+    }
+}
+
+/// A pose with the sine and cosine of its heading, for whom many things are to be seen from it.
+#[derive(Clone, Copy, Debug)]
+pub struct Placement {
+    pose: Pose2,
+    sin: f64,
+    cos: f64,
+}
+
+impl From<Pose2> for Placement {
+    fn from(pose: Pose2) -> Self {
+        let (sin, cos) = libm::sincos(pose.theta_rad);
+        Self { pose, sin, cos }
+    }
+}
+
+impl Placement {
+    /// The pose.
+    #[must_use]
+    pub const fn pose(&self) -> Pose2 {
+        self.pose
+    }
+
+    fn transform(self, point: Point) -> Point {
+        let Self { pose, sin, cos } = self;
+        Point::new(pose.x_m + cos * point.x - sin * point.y, pose.y_m + sin * point.x + cos * point.y)
+    }
+}
+
+impl Mul<Pose2> for Placement {
+    type Output = Pose2;
+
+    /// `outer_from_middle * middle_from_inner`.
+    #[expect(clippy::suspicious_arithmetic_impl, reason = "headings add where transforms multiply")]
+    fn mul(self, inner: Pose2) -> Pose2 {
         let origin = self.transform(inner.position());
-        Self::new(origin.x, origin.y, self.theta_rad + inner.theta_rad)
+        Pose2::new(origin.x, origin.y, self.pose.theta_rad + inner.theta_rad)
     }
 }
 

@@ -18,7 +18,7 @@ mod lost;
 use crate::config::Config;
 use crate::event::{Calibration, Estimate, Event, LockChange, LockEvent, SensorState};
 use crate::fault::detector::Detector;
-use crate::geometry::{Point, Pose2, Ring, wrap_angle};
+use crate::geometry::{Placement, Point, Pose2, Ring, wrap_angle};
 use crate::mapping::cone::{self, Target};
 use crate::mapping::grid::{Facing, OccupancyGrid};
 use crate::mapping::raster::Raster;
@@ -66,7 +66,7 @@ const DOUBT_RAD: f64 = 1.0 * std::f64::consts::PI / 180.0;
 /// A check farther off than this speaks of another axis, not of drift.
 const CHECK_RAD: f64 = 6.0 * std::f64::consts::PI / 180.0;
 /// A sensor clears its cone in one of so many sweeps; what it hears is marked in each.
-const CLEARING_SWEEPS: u64 = 4;
+const CLEARING_SWEEPS: u64 = 8;
 /// A return is a known wall's when it lies on its line up to this, at most so far beyond where the wall has been seen, metres.
 const ON_LINE_M: f64 = 0.06;
 const EXTENDED_M: f64 = 1.0;
@@ -155,9 +155,9 @@ impl Walls {
             tracker.predict(sweep.left_m, sweep.right_m);
             tracker.expect(sweep);
             let is_lost = self.lost.is_some();
-            let pose = tracker.filter.pose();
+            let place = Placement::from(tracker.filter.pose());
             let expected = |beam: &Beam| {
-                let map_from_sensor = pose * beam.robot_from_sensor;
+                let map_from_sensor = place * beam.robot_from_sensor;
                 (!is_lost)
                     .then(|| expect::expected(&self.grid, map_from_sensor, beam.half_angle_rad, self.max_range_m))?
             };
@@ -271,9 +271,10 @@ impl Walls {
     /// While the heading is in doubt, the axis of what was just heard is sought every few seconds, and must be the building's.
     fn check_heading(&mut self, sweep: &Sweep) {
         let Some(tracker) = &mut self.tracker else { return };
+        let place = Placement::from(tracker.filter.pose());
         for (sensor, beam) in sweep.beams.iter().enumerate() {
             if self.detector.is_trusted(sensor) {
-                self.axis.add(tracker.filter.pose(), beam);
+                self.axis.add(place, beam);
             }
         }
         self.axis_sweeps += 1;
@@ -293,12 +294,12 @@ impl Walls {
     /// Draws what the trusted beams heard.
     fn draw(&mut self, sweep: &Sweep) {
         let Some(tracker) = self.tracker.as_ref().filter(|tracker| !tracker.is_fixed()) else { return };
-        let pose = tracker.filter.pose();
+        let place = Placement::from(tracker.filter.pose());
         self.grid.revise();
         for (sensor, (beam, used)) in sweep.beams.iter().zip(tracker.uses()).enumerate() {
             let is_turn = (sweep.index + sensor as u64).is_multiple_of(CLEARING_SWEEPS);
             let (range_m, target) = match used {
-                Use::Wall(_) | Use::Unexplained => match heard_wall(tracker, pose, beam) {
+                Use::Wall(_) | Use::Unexplained => match heard_wall(tracker, place, beam) {
                     Some((point, facing)) if !is_turn => {
                         cone::mark_wall(&mut self.grid, point, facing);
                         continue;
@@ -311,14 +312,14 @@ impl Walls {
                 }
                 Use::Unused => continue,
             };
-            cone::draw(&mut self.grid, pose * beam.robot_from_sensor, beam.half_angle_rad, range_m, target);
+            cone::draw(&mut self.grid, place * beam.robot_from_sensor, beam.half_angle_rad, range_m, target);
         }
     }
 }
 
 /// The point of a known wall that a return may have come from: on the wall's line, in its extent or a little beyond.
-fn heard_wall(tracker: &Tracker, pose: Pose2, beam: &Beam) -> Option<(Point, Facing)> {
-    let sighting = sight(pose, beam)?;
+fn heard_wall(tracker: &Tracker, place: Placement, beam: &Beam) -> Option<(Point, Facing)> {
+    let sighting = sight(place, beam)?;
     let off_m = |(index, _): &(usize, &Wall)| (tracker.filter.offset_m(*index) - sighting.offset_m()).abs();
     // Heard squarely beyond its end it would be the end itself, somewhere in the cone.
     let beyond_m = if sighting.oblique_rad > 0.0 { EXTENDED_M } else { 0.0 };

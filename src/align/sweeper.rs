@@ -6,7 +6,7 @@
 
 use super::track::{Track, Travel, Wheels};
 use crate::config::CorrectionConfig;
-use crate::geometry::{Pose2, Ring};
+use crate::geometry::{Mounting, Placement, Pose2, Ring};
 use crate::sweep::{Beam, NoMeasurement, Sweep};
 use crate::time::{DeviceTime, Timestamp};
 use slamd_protocol::{Echo, Sonar};
@@ -18,24 +18,26 @@ struct Ping {
     echo: Option<Echo>,
 }
 
-/// How one sensor differs from its drawing.
-#[derive(Clone, Copy, Debug, Default)]
-struct Correction {
+/// One sensor as it truly is.
+#[derive(Clone, Copy, Debug)]
+struct Corrected {
     range_bias_m: f64,
-    turned: Pose2,
+    robot_from_sensor: Pose2,
 }
 
-impl Correction {
+impl Corrected {
     /// One per sensor; those not named are as drawn, those outside the ring are ignored.
-    fn of_ring(named: &[CorrectionConfig], sensors: usize) -> Vec<Self> {
-        let mut corrections = vec![Self::default(); sensors];
+    fn ring(ring: &Ring, named: &[CorrectionConfig]) -> Vec<Self> {
+        let drawn = |mounting: &Mounting| Self { range_bias_m: 0.0, robot_from_sensor: mounting.robot_from_sensor };
+        let mut sensors: Vec<Self> = ring.mountings.iter().map(drawn).collect();
         for named in named {
-            if let Some(correction) = corrections.get_mut(usize::from(named.sensor)) {
-                let turned = Pose2::new(0.0, 0.0, named.bearing_offset_deg.to_radians());
-                *correction = Self { range_bias_m: named.range_bias_m, turned };
+            if let Some(sensor) = sensors.get_mut(usize::from(named.sensor)) {
+                sensor.range_bias_m = named.range_bias_m;
+                sensor.robot_from_sensor =
+                    sensor.robot_from_sensor * Pose2::new(0.0, 0.0, named.bearing_offset_deg.to_radians());
             }
         }
-        corrections
+        sensors
     }
 }
 
@@ -43,7 +45,7 @@ impl Correction {
 #[derive(Clone, Debug)]
 pub struct Sweeper {
     ring: Ring,
-    corrections: Vec<Correction>,
+    corrected: Vec<Corrected>,
     range_m: std::ops::RangeInclusive<f64>,
     sound_m_s: f64,
     pings: Vec<Option<Ping>>,
@@ -66,12 +68,12 @@ impl Sweeper {
         range_m: std::ops::RangeInclusive<f64>,
         temperature_c: f64,
     ) -> Self {
-        let corrections = Correction::of_ring(corrections, ring.len());
+        let corrected = Corrected::ring(&ring, corrections);
         let pings = vec![None; ring.len()];
         let sweep = Sweep { beams: Vec::with_capacity(ring.len()), ..Sweep::default() };
         let mut sweeper = Self {
             ring,
-            corrections,
+            corrected,
             range_m,
             sound_m_s: 0.0,
             pings,
@@ -145,17 +147,17 @@ impl Sweeper {
             return None;
         }
         let (odometry, travel) = track.at(reference, wheels)?;
-        let robot_from_odom = odometry.inverse();
+        let robot_from_odom = Placement::from(odometry.inverse());
         self.sweep.beams.clear();
-        for ((mounting, correction), ping) in self.ring.mountings.iter().zip(&self.corrections).zip(&mut self.pings) {
-            let (range_m, no_measurement) = measured(*ping, self.sound_m_s, correction.range_bias_m, &self.range_m);
+        for ((mounting, sensor), ping) in self.ring.mountings.iter().zip(&self.corrected).zip(&mut self.pings) {
+            let (range_m, no_measurement) = measured(*ping, self.sound_m_s, sensor.range_bias_m, &self.range_m);
             let bounce = ping.map(|ping| ping.at + ping.half_flight());
             let then = bounce.and_then(|bounce| track.at(bounce, wheels)).map_or(odometry, |(pose, _)| pose);
             self.sweep.beams.push(Beam {
                 range_m,
                 no_measurement,
                 age_s: ping.map_or(f64::NAN, |ping| reference.seconds_since(ping.at)),
-                robot_from_sensor: robot_from_odom * then * mounting.robot_from_sensor * correction.turned,
+                robot_from_sensor: robot_from_odom * then * sensor.robot_from_sensor,
                 half_angle_rad: mounting.half_angle_rad,
             });
             *ping = None;

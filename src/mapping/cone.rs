@@ -27,8 +27,8 @@ pub enum Target {
 }
 
 // Log-odds in hundredths.
-const FREE: i16 = -12;
-const FREE_UNHEARD: i16 = -4;
+const FREE: i16 = -24;
+const FREE_UNHEARD: i16 = -8;
 const CONTRADICTED: i16 = -12;
 const WALL_CONTRADICTED: i16 = -60;
 const WALL: i16 = 28;
@@ -80,7 +80,7 @@ pub fn mark_wall(grid: &mut OccupancyGrid, point: Point, facing: Facing) {
 /// Gives a return to the occupied cell that explains it, or to all of the arc that is in sight.
 fn mark_arc(grid: &mut OccupancyGrid, fan: &Fan, range_m: f64, is_open: &[bool]) {
     let at = |ray: usize, range_m: f64| {
-        let (cos, sin) = fan.direction(ray, is_open.len());
+        let (cos, sin) = fan.directions[ray];
         Point::new(fan.origin.x + range_m * cos, fan.origin.y + range_m * sin)
     };
     let open = || (0..is_open.len()).filter(|&ray| is_open[ray]);
@@ -115,36 +115,32 @@ fn mark_arc(grid: &mut OccupancyGrid, fan: &Fan, range_m: f64, is_open: &[bool])
 /// The rays of a cone, evenly spread, the outermost on its edges.
 struct Fan {
     origin: Point,
-    axis_rad: f64,
-    half_angle_rad: f64,
     reach_m: f64,
-    /// Rays beside the first: about as many as the cone is cells wide at its end.
-    steps: usize,
+    /// Rays: about as many as the cone is cells wide at its end, and one.
+    count: usize,
+    /// Cosine and sine of each ray's direction.
+    directions: [(f64, f64); MOST_RAYS],
 }
 
 impl Fan {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
     fn new(map_from_sensor: Pose2, half_angle_rad: f64, reach_m: f64, cell_m: f64) -> Self {
         let wide = 2.0 * half_angle_rad * reach_m / cell_m;
-        Self {
-            origin: map_from_sensor.position(),
-            axis_rad: map_from_sensor.theta_rad,
-            half_angle_rad,
-            reach_m,
-            steps: wide.ceil().clamp(0.0, (MOST_RAYS - 1) as f64) as usize,
+        let steps = wide.ceil().clamp(0.0, (MOST_RAYS - 1) as f64);
+        let first_rad = map_from_sensor.theta_rad - if steps > 0.0 { half_angle_rad } else { 0.0 };
+        let (sin, cos) = libm::sincos(first_rad);
+        let (sin_step, cos_step) = libm::sincos(2.0 * half_angle_rad / steps.max(1.0));
+        let (mut directions, count) = ([(cos, sin); MOST_RAYS], steps as usize + 1);
+        for ray in 1..count {
+            let (cos, sin) = directions[ray - 1];
+            directions[ray] = (cos * cos_step - sin * sin_step, sin * cos_step + cos * sin_step);
         }
-    }
-
-    /// Cosine and sine of a ray's direction.
-    fn direction(&self, ray: usize, count: usize) -> (f64, f64) {
-        let share = if count > 1 { 2.0 * ray as f64 / (count - 1) as f64 - 1.0 } else { 0.0 };
-        let (sin, cos) = libm::sincos(self.axis_rad + share * self.half_angle_rad);
-        (cos, sin)
+        Self { origin: map_from_sensor.position(), reach_m, count, directions }
     }
 
     /// Clears along the rays; gives how many there are and which of them got all the way.
     fn clear(&self, grid: &mut OccupancyGrid, free: i16) -> (usize, [bool; MOST_RAYS]) {
-        let count = self.steps + 1;
+        let count = self.count;
         let (mut ends_m, mut is_open) = ([f64::INFINITY; MOST_RAYS], [false; MOST_RAYS]);
         let mut spread = count.next_power_of_two();
         ends_m[0] = self.ray(grid, 0, 0.0, free);
@@ -165,24 +161,18 @@ impl Fan {
 
     /// Clears along one ray from `start_m` on, and gives where it ends: at an occupied cell, else at infinity.
     fn ray(&self, grid: &mut OccupancyGrid, ray: usize, start_m: f64, free: i16) -> f64 {
-        let (cos, sin) = self.direction(ray, self.steps + 1);
-        let step_m = grid.cell_m();
-        let mut distance_m = start_m + 0.5 * step_m;
-        while distance_m < self.reach_m {
-            let cell = grid.cell(Point::new(self.origin.x + distance_m * cos, self.origin.y + distance_m * sin));
-            if grid.clear(cell, free, OPAQUE) {
-                let against = match grid.facing(cell) {
-                    Some(Facing::X) if sin.abs() > SIN_MIRROR => 0,
-                    Some(Facing::Y) if cos.abs() > SIN_MIRROR => 0,
-                    Some(_) => WALL_CONTRADICTED,
-                    None => CONTRADICTED,
-                };
-                grid.add(cell, against);
-                return distance_m;
-            }
-            distance_m += step_m;
-        }
-        f64::INFINITY
+        let (cos, sin) = self.directions[ray];
+        let first_m = start_m + 0.5 * grid.cell_m();
+        let ray = grid.ray(self.origin, (cos, sin), first_m, self.reach_m);
+        let Some((step, cell)) = grid.clear(ray, free, OPAQUE) else { return f64::INFINITY };
+        let against = match grid.facing(cell) {
+            Some(Facing::X) if sin.abs() > SIN_MIRROR => 0,
+            Some(Facing::Y) if cos.abs() > SIN_MIRROR => 0,
+            Some(_) => WALL_CONTRADICTED,
+            None => CONTRADICTED,
+        };
+        grid.add(cell, against);
+        first_m + f64::from(step) * grid.cell_m()
     }
 }
 

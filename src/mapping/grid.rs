@@ -4,13 +4,15 @@
 //! Robotics, chapter 9). Tiles appear where something is written; how many is bounded, and what did not fit is counted.
 
 mod patch;
+mod ray;
 
 pub use patch::{MapChange, Patch, percents};
+pub use ray::{Ray, Reader};
 
 use super::raster::Raster;
 use crate::geometry::Point;
 use crate::memory::{Impossible, MapMemory, TileMemory};
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
 /// Cells along a tile's side.
 const SIDE: i32 = 32;
@@ -59,13 +61,24 @@ struct Tile {
     revision: u64,
 }
 
+impl Tile {
+    /// The one axis that the wall in a cell faces along.
+    fn facing(&self, row: usize, bit: u32) -> Option<Facing> {
+        match self.facing[row].map(|bits| bits & bit != 0) {
+            [true, false] => Some(Facing::X),
+            [false, true] => Some(Facing::Y),
+            _ => None,
+        }
+    }
+}
+
 /// The grid.
 #[derive(Clone, Debug)]
 pub struct OccupancyGrid {
     cell_m: f64,
     cells_per_m: f64,
     tiles: Vec<Tile>,
-    places: HashMap<(i32, i32), usize>,
+    places: FxHashMap<(i32, i32), usize>,
     recent: Option<((i32, i32), usize)>,
     refused: u64,
     revision: u64,
@@ -79,7 +92,7 @@ impl OccupancyGrid {
             cell_m,
             cells_per_m: cell_m.recip(),
             tiles: Vec::new(),
-            places: HashMap::new(),
+            places: FxHashMap::default(),
             recent: None,
             refused: 0,
             revision: 0,
@@ -135,19 +148,6 @@ impl OccupancyGrid {
         }
     }
 
-    /// Adds the negative `hundredths` to a cell, unless something stands there: a value above `opaque`, or a wall that is known at all.
-    /// True where something does.
-    pub fn clear(&mut self, cell: Cell, hundredths: i16, opaque: i16) -> bool {
-        let (row, bit) = bit_in_tile(cell);
-        let Some(tile) = self.tile(cell) else { return false };
-        let value = &mut tile.cells[place_in_tile(cell)];
-        if *value > opaque || (*value > 0 && tile.facing[row].iter().any(|bits| bits & bit != 0)) {
-            return true;
-        }
-        *value = (*value + hundredths).max(FLOOR);
-        false
-    }
-
     /// Takes `hundredths` from an occupied cell, down to where nothing is known, unless it is as well known as `than`.
     pub fn fade(&mut self, cell: Cell, than: Cell, hundredths: i16) {
         let value = self.log_odds(cell);
@@ -168,12 +168,7 @@ impl OccupancyGrid {
     #[must_use]
     pub fn facing(&self, cell: Cell) -> Option<Facing> {
         let (row, bit) = bit_in_tile(cell);
-        let [x, y] = self.tiles[self.place(tile_of(cell))?].facing[row].map(|bits| bits & bit != 0);
-        match (x, y) {
-            (true, false) => Some(Facing::X),
-            (false, true) => Some(Facing::Y),
-            _ => None,
-        }
+        self.tiles[self.place(tile_of(cell))?].facing(row, bit)
     }
 
     /// A cell's log-odds in hundredths; 0 where nothing is known.
@@ -227,32 +222,31 @@ impl OccupancyGrid {
         }
     }
 
-    /// The tile of a cell that is about to change, made where it does not exist; none, and counted, where there is no more room.
+    /// The tile of a cell that is about to change; none where there is no room for it.
     fn tile(&mut self, cell: Cell) -> Option<&mut Tile> {
+        let place = self.tile_place(cell)?;
+        Some(&mut self.tiles[place])
+    }
+
+    /// Where the tile of a cell is that is about to change, made where it does not exist; none, and counted, where there is no more room.
+    fn tile_place(&mut self, cell: Cell) -> Option<usize> {
         let key = tile_of(cell);
-        let place = match self.recent {
-            Some((recent, place)) if recent == key => place,
-            _ => {
-                let next = self.tiles.len();
-                let place = match self.places.get(&key) {
-                    Some(&place) => place,
-                    None if next < MAX_TILES => {
-                        self.tiles.push(Tile { cells: [0; TILE * TILE], facing: [[0; 2]; TILE], revision: 0 });
-                        self.places.insert(key, next);
-                        next
-                    }
-                    None => {
-                        self.refused += 1;
-                        return None;
-                    }
-                };
-                self.recent = Some((key, place));
+        let place = match self.place(key) {
+            Some(place) => place,
+            None if self.tiles.len() < MAX_TILES => {
+                let place = self.tiles.len();
+                self.tiles.push(Tile { cells: [0; TILE * TILE], facing: [[0; 2]; TILE], revision: 0 });
+                self.places.insert(key, place);
                 place
             }
+            None => {
+                self.refused += 1;
+                return None;
+            }
         };
-        let tile = &mut self.tiles[place];
-        tile.revision = self.revision;
-        Some(tile)
+        self.recent = Some((key, place));
+        self.tiles[place].revision = self.revision;
+        Some(place)
     }
 
     /// The known part of the grid as a rectangle.

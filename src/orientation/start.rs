@@ -7,7 +7,7 @@
 
 use super::axis::{Axis, AxisFinder};
 use crate::event::Calibration;
-use crate::geometry::Pose2;
+use crate::geometry::{Placement, Pose2};
 use crate::sweep::Sweep;
 
 /// Logarithm of the votes' strength that a deviation of one sigma must gain twice over.
@@ -60,7 +60,8 @@ fn lay_out(finder: &mut AxisFinder, sweeps: &[Sweep], wheels: &Calibration, devi
             pose = pose.rolled(left_m, right_m, base_m);
         }
         if place.is_multiple_of(stride) {
-            sweep.beams.iter().for_each(|beam| finder.add(pose, beam));
+            let place = Placement::from(pose);
+            sweep.beams.iter().for_each(|beam| finder.add(place, beam));
         }
     }
 }

@@ -6,7 +6,7 @@
 //! a mirror and returns nothing.
 
 use super::filter::ROBOT;
-use crate::geometry::{Point, Pose2, wrap_angle};
+use crate::geometry::{Placement, Point, nearest_quarter, wrap_angle};
 use crate::sweep::Beam;
 use nalgebra::SVector;
 use std::f64::consts::FRAC_PI_2;
@@ -105,17 +105,19 @@ impl Sighting {
 
 /// What the beam's return says if it came from a wall; none without a distance, or where no side faces the beam.
 #[must_use]
-pub fn sight(pose: Pose2, beam: &Beam) -> Option<Sighting> {
+pub fn sight(at: impl Into<Placement>, beam: &Beam) -> Option<Sighting> {
     if !beam.has_range() {
         return None;
     }
-    let sensor = pose * beam.robot_from_sensor;
-    let (side, off_rad) = Side::ALL
-        .map(|side| (side, wrap_angle(sensor.theta_rad - side.normal_rad())))
-        .into_iter()
-        .find(|(_, off_rad)| off_rad.abs() <= HEARD_RAD)?;
+    let place = at.into();
+    let sensor = place * beam.robot_from_sensor;
+    let (quarter, off_rad) = nearest_quarter(sensor.theta_rad);
+    if off_rad.abs() > HEARD_RAD {
+        return None;
+    }
+    let side = Side::ALL[quarter];
     let oblique_rad = (off_rad.abs() - beam.half_angle_rad).max(0.0);
-    let (sin, cos) = libm::sincos(oblique_rad);
+    let (sin, cos) = if oblique_rad > 0.0 { libm::sincos(oblique_rad) } else { (0.0, 1.0) };
     let depth_m = beam.range_m * cos;
     let (across_m, foot_m) = side.split(sensor.position());
     // Positive turns lead toward +y for ±x sides' normals as seen along the axis: the tangent of +x is +y, of +y is −x.
@@ -123,7 +125,7 @@ pub fn sight(pose: Pose2, beam: &Beam) -> Option<Sighting> {
     let along_m = foot_m + tangent_sign * off_rad.signum() * beam.range_m * sin;
     let is_sharp = beam.half_angle_rad < POINT_RAD;
     let edge_m = beam.range_m * sin * if is_sharp { POINT_SIGMA_RAD } else { EDGE_SIGMA_RAD };
-    let lever = sensor.position() - pose.position();
+    let lever = sensor.position() - place.pose().position();
     // The sensor moves by (−lever_y, lever_x) per radian.
     let across_by_theta = if side.axis() == 0 { -lever.y } else { lever.x };
     let mut by_robot = SVector::<f64, ROBOT>::zeros();
@@ -148,6 +150,7 @@ pub fn sight(pose: Pose2, beam: &Beam) -> Option<Sighting> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::Pose2;
     use proptest::prelude::*;
 
     fn beam(bearing_rad: f64, half_angle_rad: f64, range_m: f64) -> Beam {

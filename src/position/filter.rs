@@ -11,6 +11,7 @@
 //! The frame is the building's: its axes are the walls' directions, so a wall is one number. A wall's state never changes by itself,
 //! so a prediction touches only the robot's five rows; each measurement is a scalar, so an update is one outer product.
 
+use super::symmetric::Symmetric;
 use crate::event::Calibration;
 use crate::geometry::{Pose2, sinc};
 use nalgebra::{Matrix3, SMatrix, SVector};
@@ -39,7 +40,7 @@ pub struct Filter {
     pub(super) offsets: Vec<f64>,
     pub(super) robot_cov: SMatrix<f64, ROBOT, ROBOT>,
     pub(super) cross: Vec<Robot>,
-    pub(super) wall_cov: Vec<f64>,
+    pub(super) wall_cov: Symmetric,
     pub(super) nominal: Calibration,
     /// The wheels' random error as a multiple of the least variance.
     pub(super) slip: f64,
@@ -71,7 +72,7 @@ impl Filter {
             offsets: Vec::with_capacity(MAX_WALLS),
             robot_cov: SMatrix::from_diagonal(&sigmas.component_mul(&sigmas)),
             cross: Vec::with_capacity(MAX_WALLS),
-            wall_cov: vec![0.0; MAX_WALLS * MAX_WALLS],
+            wall_cov: Symmetric::new(MAX_WALLS),
             nominal,
             slip: 1.0,
             column: vec![0.0; MAX_WALLS],
@@ -105,7 +106,7 @@ impl Filter {
     /// A wall's variance, m².
     #[must_use]
     pub fn wall_variance(&self, wall: usize) -> f64 {
-        self.wall_cov[wall * MAX_WALLS + wall]
+        self.wall_cov.get(wall, wall)
     }
 
     /// What has been learnt of the wheels.
@@ -174,7 +175,7 @@ impl Filter {
         let (wall, sign) = m.wall;
         let robot_column = self.robot_cov * m.robot + self.cross[wall] * sign;
         for i in 0..self.walls() {
-            self.column[i] = self.cross[i].dot(&m.robot) + sign * self.wall_cov[i * MAX_WALLS + wall];
+            self.column[i] = self.cross[i].dot(&m.robot) + sign * self.wall_cov.get(i, wall);
         }
         self.correct(&robot_column, s, m.innovation);
     }
@@ -200,7 +201,7 @@ impl Filter {
     pub fn merge(&mut self, keep: usize, gone: usize, variance: f64) {
         let between = self.difference_variance(keep, gone) + variance;
         for i in 0..self.walls() {
-            self.column[i] = self.wall_cov[i * MAX_WALLS + keep] - self.wall_cov[i * MAX_WALLS + gone];
+            self.column[i] = self.wall_cov.get(i, keep) - self.wall_cov.get(i, gone);
         }
         let robot_column = self.cross[keep] - self.cross[gone];
         self.correct(&robot_column, between, self.offsets[gone] - self.offsets[keep]);
@@ -210,7 +211,7 @@ impl Filter {
     /// Variance of the difference of two walls' offsets.
     #[must_use]
     pub fn difference_variance(&self, a: usize, b: usize) -> f64 {
-        self.wall_variance(a) + self.wall_variance(b) - 2.0 * self.wall_cov[a * MAX_WALLS + b]
+        self.wall_variance(a) + self.wall_variance(b) - 2.0 * self.wall_cov.get(a, b)
     }
 
     /// Adds a wall whose offset is `offset_m`, seen from the robot: `by_robot` is the offset's derivative by the robot's state,
@@ -221,12 +222,10 @@ impl Filter {
             return None;
         }
         for i in 0..new {
-            let covariance = self.cross[i].dot(by_robot);
-            self.wall_cov[i * MAX_WALLS + new] = covariance;
-            self.wall_cov[new * MAX_WALLS + i] = covariance;
+            self.wall_cov.set(new, i, self.cross[i].dot(by_robot));
         }
         let cross = self.robot_cov * by_robot;
-        self.wall_cov[new * MAX_WALLS + new] = by_robot.dot(&cross) + variance;
+        self.wall_cov.set(new, new, by_robot.dot(&cross) + variance);
         self.cross.push(cross);
         self.offsets.push(offset_m);
         Some(new)
@@ -235,12 +234,7 @@ impl Filter {
     /// Removes a wall; the last one takes its index.
     pub fn remove(&mut self, wall: usize) {
         let last = self.walls() - 1;
-        for i in 0..=last {
-            self.wall_cov[i * MAX_WALLS + wall] = self.wall_cov[i * MAX_WALLS + last];
-        }
-        for i in 0..=last {
-            self.wall_cov[wall * MAX_WALLS + i] = self.wall_cov[last * MAX_WALLS + i];
-        }
+        self.wall_cov.replace(wall, last);
         self.offsets.swap_remove(wall);
         self.cross.swap_remove(wall);
     }
@@ -267,11 +261,8 @@ impl Filter {
             let gain = self.column[i] / s;
             self.offsets[i] += gain * innovation;
             self.cross[i] -= robot_column * gain;
-            let row = &mut self.wall_cov[i * MAX_WALLS..i * MAX_WALLS + walls];
-            for (entry, column) in row.iter_mut().zip(&self.column) {
-                *entry -= gain * column;
-            }
         }
+        self.wall_cov.subtract_outer(&self.column[..walls], s.recip());
     }
 }
 
@@ -306,7 +297,7 @@ mod tests {
             (None, None) => filter.robot_cov[(i, j)],
             (Some(a), None) => filter.cross[a][j],
             (None, Some(b)) => filter.cross[b][i],
-            (Some(a), Some(b)) => filter.wall_cov[a * MAX_WALLS + b],
+            (Some(a), Some(b)) => filter.wall_cov.get(a, b),
         })
     }
 

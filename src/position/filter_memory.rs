@@ -15,7 +15,7 @@ impl Filter {
         }
         for row in 0..walls {
             covariance.extend(self.cross[row].iter());
-            covariance.extend_from_slice(&self.wall_cov[row * MAX_WALLS..=row * MAX_WALLS + row]);
+            covariance.extend_from_slice(self.wall_cov.row(row));
         }
         FilterMemory {
             robot: self.robot.iter().copied().collect(),
@@ -52,10 +52,8 @@ impl Filter {
         filter.offsets.clone_from(&memory.offsets_m);
         for row in 0..walls {
             filter.cross.push(Robot::from_iterator(entries.by_ref().take(ROBOT)));
-            for (column, entry) in entries.by_ref().take(row + 1).enumerate() {
-                filter.wall_cov[row * MAX_WALLS + column] = entry;
-                filter.wall_cov[column * MAX_WALLS + row] = entry;
-            }
+            let covariances = filter.wall_cov.row_mut(row);
+            covariances.iter_mut().zip(entries.by_ref()).for_each(|(covariance, entry)| *covariance = entry);
         }
         let variances = (0..ROBOT).map(|i| filter.robot_cov[(i, i)]).chain((0..walls).map(|i| filter.wall_variance(i)));
         if variances.into_iter().any(|variance| variance < 0.0) {
@@ -74,6 +72,6 @@ impl Filter {
     /// Takes the walls as they are, without doubt: updates change the robot only.
     pub fn fix_walls(&mut self) {
         self.cross.fill(Robot::zeros());
-        self.wall_cov.fill(0.0);
+        self.wall_cov.clear();
     }
 }

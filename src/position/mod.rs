@@ -8,6 +8,7 @@ pub mod nursery;
 pub mod paper_ekf;
 pub mod relock;
 mod segments;
+mod symmetric;
 pub mod tracker;
 mod tracker_lock;
 mod tracker_memory;

@@ -5,7 +5,7 @@ use super::filter::{Filter, MAX_WALLS, Measurement, ROBOT};
 use super::lock::LockWatch;
 use super::nursery::Nursery;
 use crate::event::Calibration;
-use crate::geometry::{Pose2, wrap_angle};
+use crate::geometry::{Placement, Pose2, nearest_quarter};
 use crate::sweep::{Beam, Sweep};
 use nalgebra::SVector;
 
@@ -56,6 +56,8 @@ pub struct Tracker {
     pub(super) nursery: Nursery,
     pub(super) uses: Vec<Use>,
     matches: Vec<Option<usize>>,
+    /// The walls among the matches, each once.
+    seen: Vec<usize>,
     expected: Vec<Option<f64>>,
     pub(super) watch: LockWatch,
     nis: f64,
@@ -79,6 +81,8 @@ pub(super) const WELL_KNOWN: u32 = 15;
 /// Two sightings of one side nearer than this, and within the gate, are one wall.
 const SAME_WALL_M: f64 = 0.07;
 const SAME_GAP_M: f64 = 0.6;
+/// Variance of the difference of what one wall's two offsets are, m².
+const SAME_NOISE_M2: f64 = 2.0 * MODEL_SIGMA_M * MODEL_SIGMA_M;
 /// Walls farther than this leave the filter when it is full, and come back when nearer.
 const PARK_M: f64 = 6.0;
 const UNPARK_M: f64 = 4.5;
@@ -96,6 +100,7 @@ impl Tracker {
             nursery: Nursery::default(),
             uses: Vec::new(),
             matches: Vec::new(),
+            seen: Vec::new(),
             expected: Vec::new(),
             watch: LockWatch::default(),
             nis: f64::NAN,
@@ -128,9 +133,9 @@ impl Tracker {
     /// Works out at which range each beam must hear a wall that is well known and squarely in its cone.
     pub fn expect(&mut self, sweep: &Sweep) {
         self.expected.clear();
-        let pose = self.filter.pose();
+        let place = Placement::from(self.filter.pose());
         for beam in &sweep.beams {
-            self.expected.push(self.expected_range(pose, beam));
+            self.expected.push(self.expected_range(place, beam));
         }
     }
 
@@ -140,11 +145,13 @@ impl Tracker {
         self.expected.get(sensor).copied().flatten()
     }
 
-    fn expected_range(&self, pose: Pose2, beam: &Beam) -> Option<f64> {
-        let sensor = pose * beam.robot_from_sensor;
-        let most_off_rad = 0.7 * beam.half_angle_rad.max(0.1);
-        let faced = |side: &Side| wrap_angle(sensor.theta_rad - side.normal_rad()).abs() <= most_off_rad;
-        let side = Side::ALL.into_iter().find(faced)?;
+    fn expected_range(&self, place: Placement, beam: &Beam) -> Option<f64> {
+        let sensor = place * beam.robot_from_sensor;
+        let (quarter, off_rad) = nearest_quarter(sensor.theta_rad);
+        if off_rad.abs() > 0.7 * beam.half_angle_rad.max(0.1) {
+            return None;
+        }
+        let side = Side::ALL[quarter];
         let (across_m, along_m) = side.split(sensor.position());
         let mut nearest: Option<f64> = None;
         for (index, wall) in self.walls.iter().enumerate() {
@@ -162,8 +169,9 @@ impl Tracker {
     pub fn correct(&mut self, sweep: &Sweep, may_learn: bool, is_trusted: impl Fn(usize) -> bool) {
         self.uses.clear();
         self.matches.clear();
+        let place = Placement::from(self.filter.pose());
         for (sensor, beam) in sweep.beams.iter().enumerate() {
-            let sighting = if is_trusted(sensor) { sight(self.filter.pose(), beam) } else { None };
+            let sighting = if is_trusted(sensor) { sight(place, beam) } else { None };
             let found = sighting.and_then(|sighting| self.wall_of(&sighting));
             self.matches.push(found);
             if sighting.is_some() {
@@ -176,6 +184,10 @@ impl Tracker {
                 _ => Use::Unused,
             });
         }
+        self.seen.clear();
+        self.seen.extend(self.matches.iter().flatten());
+        self.seen.sort_unstable();
+        self.seen.dedup();
         let (mut nis_sum, mut seen) = (0.0, 0.0);
         if let Some((innovation_rad, variance)) = self.turn() {
             let distance = innovation_rad.powi(2) / (self.filter.pose_covariance()[(2, 2)] + variance);
@@ -186,7 +198,8 @@ impl Tracker {
                 self.filter.update_heading(innovation_rad, variance);
             }
         }
-        for index in 0..self.walls.len() {
+        for place in 0..self.seen.len() {
+            let index = self.seen[place];
             if let Some(measurement) = self.fuse(sweep, index) {
                 nis_sum += measurement.innovation.powi(2) / self.filter.innovation_variance(&measurement);
                 seen += 1.0;
@@ -200,7 +213,7 @@ impl Tracker {
             if may_learn && !self.watch.is_doubtful() {
                 self.learn(sweep);
             }
-            self.merge();
+            self.merge(sweep.index);
         }
         self.park();
     }
@@ -246,7 +259,7 @@ impl Tracker {
     /// What the beams say of the heading: on each wall, how their misfits grow with how they feel a turn.
     fn turn(&self) -> Option<(f64, f64)> {
         let (mut information, mut sum) = (0.0, 0.0);
-        for wall in 0..self.walls.len() {
+        for &wall in &self.seen {
             let (mut w, mut wh, mut whh, mut wz, mut whz) = (0.0, 0.0, 0.0, 0.0, 0.0);
             for (used, found) in self.uses.iter().zip(&self.matches) {
                 let (Use::Wall(sighting), true) = (used, *found == Some(wall)) else { continue };
@@ -269,11 +282,12 @@ impl Tracker {
     /// All beams on one wall as one measurement at the pose as it is now.
     fn fuse(&mut self, sweep: &Sweep, wall: usize) -> Option<Measurement> {
         let (mut weight, mut innovation, mut robot) = (0.0, 0.0, SVector::<f64, ROBOT>::zeros());
+        let place = Placement::from(self.filter.pose());
         for sensor in 0..self.matches.len() {
             if self.matches[sensor] != Some(wall) {
                 continue;
             }
-            let Some(sighting) = sight(self.filter.pose(), &sweep.beams[sensor]) else { continue };
+            let Some(sighting) = sight(place, &sweep.beams[sensor]) else { continue };
             let measurement = self.measure(&sighting, wall);
             weight += 1.0 / measurement.variance;
             innovation += measurement.innovation / measurement.variance;
@@ -294,14 +308,15 @@ impl Tracker {
 
     /// Gathers what no wall explains, until it is a wall.
     fn learn(&mut self, sweep: &Sweep) {
+        let place = Placement::from(self.filter.pose());
         for sensor in 0..self.uses.len() {
             if !matches!(self.uses[sensor], Use::Unexplained) {
                 continue;
             }
-            let Some(sighting) = sight(self.filter.pose(), &sweep.beams[sensor]) else { continue };
+            let Some(sighting) = sight(place, &sweep.beams[sensor]) else { continue };
             let Some(new) = self.nursery.add(&sighting, sweep.index) else { continue };
             let by_robot = sighting.by_robot * -sighting.side.sign();
-            if self.filter.add(new.offset_m, &by_robot, MODEL_SIGMA_M * MODEL_SIGMA_M * 2.0).is_some() {
+            if self.filter.add(new.offset_m, &by_robot, SAME_NOISE_M2).is_some() {
                 let (lo_m, hi_m, now) = (new.lo_m, new.hi_m, sweep.index);
                 let wall = Wall { side: new.side, lo_m, hi_m, hits: 1, last_sweep: now, first_sweep: Some(now) };
                 self.walls.push(wall);
@@ -309,22 +324,16 @@ impl Tracker {
         }
     }
 
-    /// Makes one wall of two that are the same.
-    fn merge(&mut self) {
-        let Some(newest) = self.walls.len().checked_sub(1) else { return };
-        for a in 0..newest {
-            for b in a + 1..=newest {
+    /// Makes one wall of two that are the same; only what this sweep has seen has moved.
+    fn merge(&mut self, sweep: u64) {
+        for a in 0..self.walls.len() {
+            if self.walls[a].last_sweep != sweep {
+                continue;
+            }
+            let other = |&b: &usize| a != b && self.is_same(a, b);
+            if let Some((a, b)) = (0..self.walls.len()).find(other).map(|b| (a.min(b), a.max(b))) {
                 let (one, other) = (self.walls[a], self.walls[b]);
-                let gap_m = (one.lo_m - other.hi_m).max(other.lo_m - one.hi_m);
-                let apart_m = (self.filter.offset_m(a) - self.filter.offset_m(b)).abs();
-                if one.side != other.side || gap_m > SAME_GAP_M || apart_m > SAME_WALL_M {
-                    continue;
-                }
-                let noise = MODEL_SIGMA_M * MODEL_SIGMA_M * 2.0;
-                if apart_m.powi(2) > 9.0 * (self.filter.difference_variance(a, b) + noise) {
-                    continue;
-                }
-                self.filter.merge(a, b, noise);
+                self.filter.merge(a, b, SAME_NOISE_M2);
                 self.walls[a].lo_m = one.lo_m.min(other.lo_m);
                 self.walls[a].hi_m = one.hi_m.max(other.hi_m);
                 self.walls[a].hits += other.hits;
@@ -333,6 +342,19 @@ impl Tracker {
                 return;
             }
         }
+    }
+
+    /// Whether two walls are one.
+    fn is_same(&self, a: usize, b: usize) -> bool {
+        let (one, other) = (&self.walls[a], &self.walls[b]);
+        if one.side != other.side {
+            return false;
+        }
+        let gap_m = (one.lo_m - other.hi_m).max(other.lo_m - one.hi_m);
+        let apart_m = (self.filter.offset_m(a) - self.filter.offset_m(b)).abs();
+        gap_m <= SAME_GAP_M
+            && apart_m <= SAME_WALL_M
+            && apart_m.powi(2) <= 9.0 * (self.filter.difference_variance(a, b) + SAME_NOISE_M2)
     }
 
     /// Keeps places free in the filter: far walls leave it, and come back when the robot does.

@@ -61,17 +61,16 @@ struct Met {
 /// Follows a ray to the first cell where anything may stand; none where that is not well known.
 fn follow(grid: &OccupancyGrid, ray: Pose2, reach_m: f64) -> Option<Met> {
     let (sin, cos) = libm::sincos(ray.theta_rad);
-    let ranges_m = (1..).map(|step| f64::from(step) * grid.cell_m()).take_while(|&range_m| range_m < reach_m);
-    for range_m in ranges_m {
-        let cell = grid.cell(ray.position() + nalgebra::Vector2::new(cos, sin) * range_m);
-        let log_odds = grid.log_odds(cell);
+    let mut reader = grid.reader();
+    for (step, cell) in (1..).zip(grid.ray(ray.position(), (cos, sin), grid.cell_m(), reach_m)) {
+        let log_odds = reader.log_odds(cell);
         if log_odds > 0 {
-            let cos_incidence = match grid.facing(cell) {
+            let cos_incidence = match reader.facing(cell) {
                 Some(Facing::X) => cos.abs(),
                 Some(Facing::Y) => sin.abs(),
                 None => 1.0,
             };
-            return (log_odds >= WELL_KNOWN).then_some(Met { range_m, cos_incidence });
+            return (log_odds >= WELL_KNOWN).then_some(Met { range_m: f64::from(step) * grid.cell_m(), cos_incidence });
         }
     }
     None
