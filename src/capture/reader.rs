@@ -6,10 +6,11 @@
 use super::{CaptureError, CaptureInfo, METADATA_NAME, RECEIVED_TOPIC, Record, SENT_TOPIC, TRUTH_TOPIC, TruthMessage};
 use crate::geometry::Pose2;
 use crate::time::Timestamp;
-use mcap::records::Record as McapRecord;
+use crc::{CRC_32_ISO_HDLC, Crc};
+use mcap::records::{ChunkHeader, Record as McapRecord};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{MAGIC, McapError};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -21,8 +22,10 @@ pub struct CaptureReader<R: Read = BufReader<File>> {
     machine: LinearReader,
     info: CaptureInfo,
     channels: BTreeMap<u16, Topic>,
-    /// The first record, read while looking for the metadata.
-    pending: Option<Record>,
+    /// What is read and not yet given out: the rest of a chunk.
+    pending: VecDeque<Record>,
+    /// Why nothing can be read behind it.
+    failure: Option<CaptureError>,
     last: Timestamp,
     damage: Option<String>,
     finished: bool,
@@ -61,7 +64,7 @@ impl<R: Read> CaptureReader<R> {
         }
         let options = LinearReaderOptions::default()
             .with_skip_start_magic(true)
-            .with_prevalidate_chunk_crcs(true)
+            .with_emit_chunks(true)
             .with_record_length_limit(RECORD_LIMIT);
         let mut reader = Self {
             path: path.into(),
@@ -69,7 +72,8 @@ impl<R: Read> CaptureReader<R> {
             machine: LinearReader::new_with_options(options),
             info: CaptureInfo::default(),
             channels: BTreeMap::new(),
-            pending: None,
+            pending: VecDeque::new(),
+            failure: None,
             last: Timestamp::default(),
             damage: None,
             finished: false,
@@ -77,7 +81,10 @@ impl<R: Read> CaptureReader<R> {
         if magic.len() < MAGIC.len() {
             reader.stop(McapError::UnexpectedEof)?;
         }
-        reader.pending = reader.advance()?;
+        // What the capture says about itself stands before its first record.
+        if let Some(first) = reader.advance()? {
+            reader.pending.push_front(first);
+        }
         Ok(reader)
     }
 
@@ -93,44 +100,88 @@ impl<R: Read> CaptureReader<R> {
         self.damage.as_deref()
     }
 
+    /// The next record; what came before an error is given out before it.
     fn advance(&mut self) -> Result<Option<Record>, CaptureError> {
-        while !self.finished {
-            let record = match self.machine.next_event() {
-                None => {
-                    self.finished = true;
-                    break;
-                }
-                Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
-                    self.read(wanted)?;
-                    continue;
-                }
-                Some(Ok(LinearReadEvent::Record { opcode, data })) => {
-                    mcap::parse_record(opcode, data).map(McapRecord::into_owned)
-                }
-                Some(Err(error)) => Err(error),
-            };
-            match record {
-                Ok(McapRecord::Metadata(metadata)) if metadata.name == METADATA_NAME => {
-                    self.info = CaptureInfo::from_metadata(metadata.metadata);
-                }
-                Ok(McapRecord::Channel(channel)) => {
-                    if let Some(topic) = Topic::from_name(&channel.topic) {
-                        self.channels.insert(channel.id, topic);
-                    }
-                }
-                Ok(McapRecord::Message { header, data }) => {
-                    if let Some(&topic) = self.channels.get(&header.channel_id) {
-                        return self.record(topic, Timestamp::from_us(header.log_time / 1000), data.into_owned());
-                    }
-                }
-                Ok(McapRecord::Unknown { opcode, .. }) if opcode < PRIVATE_OPCODES => {
-                    self.damaged(&format!("a record of type {opcode:#04x}, which MCAP does not have"));
-                }
-                Ok(_) => {}
-                Err(error) => self.stop(error)?,
+        while self.pending.is_empty() && !self.finished {
+            if let Err(error) = self.step() {
+                self.finished = true;
+                self.failure = Some(error);
             }
         }
-        Ok(None)
+        match (self.pending.pop_front(), self.failure.is_some()) {
+            (None, true) => self.failure.take().map_or(Ok(None), Err),
+            (record, _) => Ok(record),
+        }
+    }
+
+    /// Lets the machine take one step.
+    fn step(&mut self) -> Result<(), CaptureError> {
+        let record = match self.machine.next_event() {
+            None => {
+                self.finished = true;
+                return Ok(());
+            }
+            Some(Ok(LinearReadEvent::ReadRequest(wanted))) => return self.read(wanted),
+            Some(Ok(LinearReadEvent::Record { opcode, data })) => {
+                mcap::parse_record(opcode, data).map(McapRecord::into_owned)
+            }
+            Some(Err(error)) => Err(error),
+        };
+        match record {
+            Ok(McapRecord::Chunk { header, data }) => self.chunk(&header, &data),
+            Ok(record) => self.take(record),
+            Err(error) => self.stop(error),
+        }
+    }
+
+    /// Takes the records of a chunk, once its checksum holds. They are walked here: the library's own way trusts their lengths.
+    fn chunk(&mut self, header: &ChunkHeader, mut rest: &[u8]) -> Result<(), CaptureError> {
+        if !header.compression.is_empty() {
+            return self.stop(McapError::UnsupportedCompression(header.compression.clone()));
+        }
+        let (saved, calculated) = (header.uncompressed_crc, CRC.checksum(rest));
+        if saved != 0 && saved != calculated {
+            return self.stop(McapError::BadChunkCrc { saved, calculated });
+        }
+        while let (false, Some((&opcode, behind))) = (self.finished, rest.split_first()) {
+            let split = behind.split_first_chunk().and_then(|(length, behind)| {
+                behind.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)
+            });
+            let Some((body, behind)) = split else {
+                self.damaged("a record that is longer than its chunk");
+                break;
+            };
+            match mcap::parse_record(opcode, body) {
+                Ok(record) => self.take(record)?,
+                Err(error) => self.stop(error)?,
+            }
+            rest = behind;
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, record: McapRecord<'_>) -> Result<(), CaptureError> {
+        match record {
+            McapRecord::Metadata(metadata) if metadata.name == METADATA_NAME => {
+                self.info = CaptureInfo::from_metadata(metadata.metadata);
+            }
+            McapRecord::Channel(channel) => {
+                if let Some(topic) = Topic::from_name(&channel.topic) {
+                    self.channels.insert(channel.id, topic);
+                }
+            }
+            McapRecord::Message { header, data } => {
+                if let Some(&topic) = self.channels.get(&header.channel_id) {
+                    let record = self.record(topic, Timestamp::from_us(header.log_time / 1000), data.into_owned())?;
+                    self.pending.push_back(record);
+                }
+            }
+            McapRecord::Unknown { opcode, .. } if opcode < PRIVATE_OPCODES => {
+                self.damaged(&format!("a record of type {opcode:#04x}, which MCAP does not have"));
+            }
+            _ => {}
+        }
+        Ok(())
     }
 
     fn read(&mut self, wanted: usize) -> Result<(), CaptureError> {
@@ -147,13 +198,13 @@ impl<R: Read> CaptureReader<R> {
         }
     }
 
-    fn record(&mut self, topic: Topic, at: Timestamp, bytes: Vec<u8>) -> Result<Option<Record>, CaptureError> {
+    fn record(&mut self, topic: Topic, at: Timestamp, bytes: Vec<u8>) -> Result<Record, CaptureError> {
         if at < self.last {
             let path = self.path.clone();
             return Err(CaptureError::TimeRunsBack { path, before_s: self.last.seconds(), at_s: at.seconds() });
         }
         self.last = at;
-        Ok(Some(match topic {
+        Ok(match topic {
             Topic::Received => Record::Received { at, bytes },
             Topic::Sent => Record::Sent { at, bytes },
             Topic::Truth => {
@@ -164,7 +215,7 @@ impl<R: Read> CaptureReader<R> {
                 })?;
                 Record::Truth { at, pose: Pose2 { x_m: message.x_m, y_m: message.y_m, theta_rad: message.theta_rad } }
             }
-        }))
+        })
     }
 
     /// Nothing can be read behind an error: it becomes words, except where the file is sound and we lack the means.
@@ -199,12 +250,7 @@ impl<R: Read> Iterator for CaptureReader<R> {
     type Item = Result<Record, CaptureError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        if let Some(record) = self.pending.take() {
-            return Some(Ok(record));
-        }
-        let next = self.advance();
-        self.finished |= next.is_err();
-        next.transpose()
+        self.advance().transpose()
     }
 }
 
@@ -219,6 +265,8 @@ impl Topic {
     }
 }
 
+/// As MCAP has it.
+const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 /// From here on record types are free for private use and are skipped.
 const PRIVATE_OPCODES: u8 = 0x80;
 /// A longer record or chunk is damage: our own chunks hold 0.1 s.
