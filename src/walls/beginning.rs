@@ -2,7 +2,7 @@
 //!
 //! The first heading is the frame of everything after it, so two views of it are taken. The Hough transform lays all the returns out along the
 //! wheels' path ([`crate::orientation::start`]). From there the filter follows the sweeps to the last and back again, with
-//! the walls that it learnt on the way: at the first sweep it knows what all of them know together. Near each other the two are averaged;
+//! the walls that it learnt on the way: at the first sweep it knows what all of them know together. It does so twice. Near each other the two are averaged;
 //! the farther they are apart, the likelier it is that the wheels bent the path, and the less the first is worth.
 
 use super::AXIS_SIGMA_RAD;
@@ -44,6 +44,8 @@ const MOST_SWEEPS: usize = 300;
 const MOST_LEAD: f64 = 1.8;
 const LEAD: f64 = 2.4;
 const LEAD_PER_M: f64 = 0.2;
+/// The second time the walls are learnt from a better heading. A third gains nothing.
+const PASSES: usize = 2;
 /// Two views this far apart leave a fifth of the weight to the first.
 const APART_RAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
 
@@ -93,19 +95,24 @@ fn tracker_at(heading_rad: f64, sigma_rad: f64, wheels: &Calibration) -> Tracker
     Tracker::new(Pose2::new(0.0, 0.0, heading_rad), sigma_rad, *wheels)
 }
 
-/// Follows the sweeps to the last and back; a tracker at the heading that the axis and the way back agree on.
+/// Follows the sweeps to the last and back, twice; a tracker at the heading that the axis and the way back agree on.
 fn look_back(axis_rad: f64, sweeps: &[Sweep], wheels: &Calibration, is_trusted: impl Fn(usize) -> bool) -> Tracker {
-    let mut scout = tracker_at(axis_rad, AXIS_SIGMA_RAD, wheels);
-    for sweep in sweeps {
-        scout.predict(sweep.left_m, sweep.right_m);
-        scout.correct(sweep, true, &is_trusted);
+    let mut agreed = tracker_at(axis_rad, AXIS_SIGMA_RAD, wheels);
+    for _ in 0..PASSES {
+        let from_rad = agreed.filter.pose().theta_rad;
+        let mut scout = tracker_at(from_rad, AXIS_SIGMA_RAD, wheels);
+        for sweep in sweeps {
+            scout.predict(sweep.left_m, sweep.right_m);
+            scout.correct(sweep, true, &is_trusted);
+        }
+        for pair in sweeps.windows(2).rev() {
+            scout.predict(-pair[1].left_m, -pair[1].right_m);
+            scout.correct(&pair[0], true, &is_trusted);
+        }
+        let (back_rad, sigma_rad) = (scout.filter.pose().theta_rad, scout.filter.pose_covariance()[(2, 2)].sqrt());
+        let apart_rad = wrap_angle(from_rad - back_rad);
+        let weight = 0.5 / (1.0 + (apart_rad / APART_RAD).powi(2));
+        agreed = tracker_at(wrap_angle(back_rad + weight * apart_rad), sigma_rad, wheels);
     }
-    for pair in sweeps.windows(2).rev() {
-        scout.predict(-pair[1].left_m, -pair[1].right_m);
-        scout.correct(&pair[0], true, &is_trusted);
-    }
-    let (back_rad, sigma_rad) = (scout.filter.pose().theta_rad, scout.filter.pose_covariance()[(2, 2)].sqrt());
-    let apart_rad = wrap_angle(axis_rad - back_rad);
-    let weight = 0.5 / (1.0 + (apart_rad / APART_RAD).powi(2));
-    tracker_at(wrap_angle(back_rad + weight * apart_rad), sigma_rad, wheels)
+    agreed
 }
