@@ -27,9 +27,15 @@ pub struct Candidate {
 }
 
 /// The candidates.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Nursery {
     candidates: Vec<Candidate>,
+}
+
+impl Default for Nursery {
+    fn default() -> Self {
+        Self { candidates: Vec::with_capacity(CAPACITY) }
+    }
 }
 
 const CAPACITY: usize = 64;
