@@ -8,7 +8,7 @@
 //! 5. Beams clear their cones and mark the walls they heard ([`crate::mapping`]).
 //!
 //! The map frame has its origin where the robot started and its axes along the building's walls. Poses of the sweeps before the axis
-//! was found follow at once when it is.
+//! was found follow within a second when it is.
 
 mod beginning;
 mod expect;
@@ -30,6 +30,7 @@ use crate::sweep::{Beam, Sweep};
 use crate::time::Timestamp;
 use beginning::{Beginning, Begun};
 use lost::Lost;
+use std::collections::VecDeque;
 
 /// The walls method at work.
 #[derive(Debug)]
@@ -40,6 +41,8 @@ pub struct Walls {
     axis: AxisFinder,
     axis_sweeps: usize,
     beginning: Beginning,
+    /// The first sweeps that are still to be used.
+    waiting: VecDeque<Sweep>,
     tracker: Option<Tracker>,
     grid: OccupancyGrid,
     /// Whether the ring has beams enough to tell clutter from another place.
@@ -59,6 +62,8 @@ const LEAST_SENSORS: usize = 12;
 /// A place found this near is the one that was believed.
 const HERE_M: f64 = 0.25;
 const HERE_RAD: f64 = 0.15;
+/// Of the first sweeps so many are used with each that comes, until none waits.
+const CATCH_UP_SWEEPS: usize = 8;
 /// Sweeps between two checks of the heading.
 const CHECK_SWEEPS: usize = 25;
 /// A heading known to this is known better than a check could tell.
@@ -82,6 +87,7 @@ impl Walls {
             axis: AxisFinder::default(),
             axis_sweeps: 0,
             beginning: Beginning::new(),
+            waiting: VecDeque::new(),
             tracker: None,
             grid: OccupancyGrid::new(config.map.cell_m),
             can_tell: ring.len() >= LEAST_SENSORS,
@@ -119,6 +125,7 @@ impl Walls {
             grid: OccupancyGrid::restore(&memory.map)?,
             axis: AxisFinder::default(),
             lost: None,
+            waiting: VecDeque::new(),
             ..self
         })
     }
@@ -151,7 +158,7 @@ impl Walls {
 
     /// Uses one sweep.
     pub fn update(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
-        if let Some(tracker) = &mut self.tracker {
+        if let (Some(tracker), true) = (&mut self.tracker, self.waiting.is_empty()) {
             tracker.predict(sweep.left_m, sweep.right_m);
             tracker.expect(sweep);
             let is_lost = self.lost.is_some();
@@ -165,7 +172,8 @@ impl Walls {
             self.follow(sweep, events);
         } else {
             self.detector.inspect(sweep, |_| None, events);
-            self.seek(sweep, events);
+            self.seek(sweep);
+            self.catch_up(events);
         }
     }
 
@@ -193,16 +201,24 @@ impl Walls {
         self.tracker.as_ref().map_or(f64::NAN, Tracker::nis)
     }
 
-    /// Gathers the first sweeps until they agree on the building's axis, then uses them all.
-    fn seek(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
+    /// Gathers the first sweeps until they agree on the building's axis.
+    fn seek(&mut self, sweep: &Sweep) {
+        if self.tracker.is_some() {
+            return self.waiting.push_back(sweep.clone());
+        }
         let begun = self.beginning.add(sweep, &self.wheels, |sensor| self.detector.is_trusted(sensor));
-        let Some(Begun { tracker, sweeps }) = begun else { return };
-        self.tracker = Some(tracker);
-        for sweep in sweeps {
-            if let Some(tracker) = &mut self.tracker {
-                tracker.predict(sweep.left_m, sweep.right_m);
-                tracker.expect(&sweep);
-            }
+        if let Some(Begun { tracker, sweeps }) = begun {
+            self.tracker = Some(tracker);
+            self.waiting = sweeps.into();
+        }
+    }
+
+    /// Uses the first sweeps, a few at a time: none shall hold up what comes.
+    fn catch_up(&mut self, events: &mut Vec<Event>) {
+        for _ in 0..CATCH_UP_SWEEPS {
+            let (Some(tracker), Some(sweep)) = (&mut self.tracker, self.waiting.pop_front()) else { return };
+            tracker.predict(sweep.left_m, sweep.right_m);
+            tracker.expect(&sweep);
             self.follow(&sweep, events);
         }
     }

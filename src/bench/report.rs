@@ -62,8 +62,8 @@ const MEANINGS: &str = "\
   the frame that it is drawn in: origin at the start, axes along the walls (the paper's: aligned at the first pose).
 - **NIS, NEES**: per degree of freedom, 1 for a consistent filter, more for one that believes itself too good. NEES is taken in the
   map frame as it is defined: origin at the start, axes along the walls.
-- **us per sweep**: time that the thread computed, from a sweep's bytes to its estimate and map, all of it. The first sweeps, which wait for the
-  building's axis and are used all at once, count as one.
+- **us per sweep**: time that the thread computed, from a sweep's bytes to its estimate and map, all of it. What the first sweeps cost,
+  which wait for the building's axis, counts with the sweeps that they are used with.
 - **precision, recall** of faults: in sensor-seconds. Precision of a kind: of the time for which sensors were declared to be of this kind,
   the share in which they failed in whatever way. Recall of a kind: of the time for which sensors were of this kind, the share in which they were
   declared. **latency**: from the fault's begin, or the first sweep, until the verdict is out; with faults from the start that contains the

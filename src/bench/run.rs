@@ -41,8 +41,8 @@ pub struct Run {
     pub nis: f64,
     /// Mean normalised estimation error squared per degree of freedom.
     pub nees: f64,
-    /// Microseconds of computing for each sweep, from its bytes to the estimate; the first sweeps, which are used all at once when the building's
-    /// axis is found, are one.
+    /// Microseconds of computing for each sweep, from its bytes to the estimate; what the first sweeps cost, which wait for the building's axis,
+    /// counts with the sweeps that they are used with.
     pub sweeps_us: Vec<f64>,
 }
 

@@ -77,7 +77,8 @@ impl Tile {
 pub struct OccupancyGrid {
     cell_m: f64,
     cells_per_m: f64,
-    tiles: Vec<Tile>,
+    /// Each at a place of its own: when there are more, none is moved.
+    tiles: Vec<Box<Tile>>,
     places: FxHashMap<(i32, i32), usize>,
     recent: Option<((i32, i32), usize)>,
     refused: u64,
@@ -183,7 +184,7 @@ impl OccupancyGrid {
         let mut places: Vec<_> = self.places.iter().collect();
         places.sort_unstable();
         let tile = |(&(column, row), &place): (&(i32, i32), &usize)| {
-            let Tile { cells, facing, .. } = &self.tiles[place];
+            let Tile { cells, facing, .. } = &*self.tiles[place];
             TileMemory { column, row, log_odds: cells.to_vec(), facing: facing.to_vec() }
         };
         MapMemory { cell_m: self.cell_m, tiles: places.into_iter().map(tile).collect() }
@@ -209,7 +210,7 @@ impl OccupancyGrid {
             if grid.places.insert((tile.column, tile.row), grid.tiles.len()).is_some() {
                 return Err(Impossible("a tile of the map is there twice"));
             }
-            grid.tiles.push(Tile { cells, facing, revision: 0 });
+            grid.tiles.push(Box::new(Tile { cells, facing, revision: 0 }));
         }
         Ok(grid)
     }
@@ -235,7 +236,7 @@ impl OccupancyGrid {
             Some(place) => place,
             None if self.tiles.len() < MAX_TILES => {
                 let place = self.tiles.len();
-                self.tiles.push(Tile { cells: [0; TILE * TILE], facing: [[0; 2]; TILE], revision: 0 });
+                self.tiles.push(Box::new(Tile { cells: [0; TILE * TILE], facing: [[0; 2]; TILE], revision: 0 }));
                 self.places.insert(key, place);
                 place
             }

@@ -14,36 +14,77 @@ use crate::sweep::Sweep;
 const PRIOR: f64 = 0.02;
 /// The search looks this many sigmas around the best so far: first far, then between.
 const ROUNDS: [f64; 4] = [1.5, 1.0, 0.5, 0.25];
+/// The deviations of a round, in units of its reach.
+const AROUND: [(f64, f64); 8] =
+    [(-1.0, -1.0), (-1.0, 0.0), (-1.0, 1.0), (0.0, -1.0), (0.0, 1.0), (1.0, -1.0), (1.0, 0.0), (1.0, 1.0)];
 /// More returns than this are thinned by whole sweeps.
 const MOST_RETURNS: usize = 1_600;
 
 /// The wheels' deviation from the configuration in standard deviations: ratio and base.
 type Deviation = [f64; 2];
 
-/// The building's axis in the frame of the robot at the first of `sweeps`; none without returns.
-pub fn find(finder: &mut AxisFinder, sweeps: &[Sweep], wheels: &Calibration) -> Option<Axis> {
-    lay_out(finder, sweeps, wheels, [0.0; 2]);
-    let first = finder.find()?;
-    let (mut best, mut most) = ([0.0; 2], libm::log(first.strength));
-    for reach in ROUNDS {
-        let [ratio, base] = best;
-        for (i, j) in [-1.0, 0.0, 1.0].into_iter().flat_map(|i| [-1.0, 0.0, 1.0].map(|j| (i, j))) {
-            if (i, j) == (0.0, 0.0) {
-                continue;
-            }
-            let deviation = [ratio + i * reach, base + j * reach];
-            lay_out(finder, sweeps, wheels, deviation);
-            let prior = 0.5 * (deviation[0] * deviation[0] + deviation[1] * deviation[1]);
-            let worth = libm::log(finder.find_near(first.angle_rad)?) - PRIOR * prior;
-            if worth > most {
-                (best, most) = (deviation, worth);
-            }
-        }
+/// A search under way. It is done in steps, for a sweep must not wait for all of it.
+#[derive(Clone, Debug)]
+pub struct Search {
+    /// How many of the sweeps are looked at.
+    sweeps: usize,
+    first: Axis,
+    /// What this round looks around.
+    centre: Deviation,
+    best: Deviation,
+    /// Logarithm of the votes' strength for the best, less the prior.
+    most: f64,
+    /// Deviations tried so far.
+    tried: usize,
+}
+
+/// What a step has brought.
+#[derive(Clone, Debug)]
+pub enum Step {
+    /// There is more to be tried.
+    Goes(Search),
+    /// The building's axis in the frame of the robot at the first sweep; none without returns.
+    Done(Option<Axis>),
+}
+
+impl Search {
+    /// Begins a search over all of `sweeps`; none without returns.
+    pub fn begin(finder: &mut AxisFinder, sweeps: &[Sweep], wheels: &Calibration) -> Option<Self> {
+        lay_out(finder, sweeps, wheels, [0.0; 2]);
+        let first = finder.find()?;
+        Some(Self {
+            sweeps: sweeps.len(),
+            first,
+            centre: [0.0; 2],
+            best: [0.0; 2],
+            most: libm::log(first.strength),
+            tried: 0,
+        })
     }
-    lay_out(finder, sweeps, wheels, best);
-    let axis = finder.find();
-    finder.clear();
-    axis
+
+    /// Tries one more deviation. The sweeps are those that the search began with, and any later ones.
+    pub fn step(mut self, finder: &mut AxisFinder, sweeps: &[Sweep], wheels: &Calibration) -> Step {
+        let sweeps = &sweeps[..self.sweeps.min(sweeps.len())];
+        let Some(reach) = ROUNDS.get(self.tried / AROUND.len()) else {
+            lay_out(finder, sweeps, wheels, self.best);
+            let axis = finder.find();
+            finder.clear();
+            return Step::Done(axis);
+        };
+        let (i, j) = AROUND[self.tried % AROUND.len()];
+        self.tried += 1;
+        let deviation = [self.centre[0] + i * reach, self.centre[1] + j * reach];
+        lay_out(finder, sweeps, wheels, deviation);
+        let prior = 0.5 * (deviation[0] * deviation[0] + deviation[1] * deviation[1]);
+        let strength = finder.find_near(self.first.angle_rad).map_or(f64::NEG_INFINITY, libm::log);
+        if strength - PRIOR * prior > self.most {
+            (self.best, self.most) = (deviation, strength - PRIOR * prior);
+        }
+        if self.tried.is_multiple_of(AROUND.len()) {
+            self.centre = self.best;
+        }
+        Step::Goes(self)
+    }
 }
 
 /// Lays the returns out along the path that wheels with this deviation roll.

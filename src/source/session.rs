@@ -244,7 +244,7 @@ impl Session {
         }
         self.show(Sight::Input, elapsed);
         self.has_posed = sweeps > 0;
-        // The first sweeps are used all at once, when the building's axis is found.
+        // The first sweeps are used a few at a time, when the building's axis is found.
         for _ in 0..sweeps {
             self.outputs.timing(elapsed / sweeps);
         }

@@ -9,7 +9,7 @@ use super::AXIS_SIGMA_RAD;
 use crate::event::Calibration;
 use crate::geometry::{Pose2, wrap_angle};
 use crate::orientation::axis::{Axis, AxisFinder};
-use crate::orientation::start;
+use crate::orientation::start::{Search, Step};
 use crate::position::tracker::Tracker;
 use crate::sweep::Sweep;
 use std::f64::consts::FRAC_PI_2;
@@ -20,6 +20,7 @@ pub(super) struct Beginning {
     finder: AxisFinder,
     sweeps: Vec<Sweep>,
     travel_m: f64,
+    search: Option<Search>,
 }
 
 /// Where to begin, and with what.
@@ -35,6 +36,8 @@ pub(super) struct Begun {
 /// of 8 needs 3 m, one of 32 a sixteenth of that.
 const EVERY_SWEEPS: usize = 25;
 const TRAVEL_M: f64 = 3.0 * 8.0 * 8.0;
+/// Steps of the search in one sweep: it is over before the next is due.
+const STEPS: usize = 3;
 /// A lone slanted thing near the start must not pass for the building.
 const LEAST_TRAVEL_M: f64 = 0.6;
 /// After so many the axis is not waited for any longer.
@@ -52,7 +55,7 @@ const APART_RAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
 impl Beginning {
     /// Nothing heard yet.
     pub(super) fn new() -> Self {
-        Self { finder: AxisFinder::default(), sweeps: Vec::with_capacity(MOST_SWEEPS), travel_m: 0.0 }
+        Self { finder: AxisFinder::default(), sweeps: Vec::with_capacity(MOST_SWEEPS), travel_m: 0.0, search: None }
     }
 
     /// Takes a sweep; a beginning once there is one. A robot that stands says nothing new: such sweeps are not kept.
@@ -63,19 +66,34 @@ impl Beginning {
         is_trusted: impl Fn(usize) -> bool,
     ) -> Option<Begun> {
         let stands = sweep.left_m == 0.0 && sweep.right_m == 0.0;
-        if stands && self.sweeps.len() >= EVERY_SWEEPS {
+        if stands && self.sweeps.len() >= EVERY_SWEEPS && self.search.is_none() {
             return None;
         }
         self.sweeps.push(sweep.clone());
         self.travel_m += 0.5 * (sweep.left_m + sweep.right_m).abs();
-        let enough_m = (TRAVEL_M / (sweep.beams.len() as f64).powi(2)).max(LEAST_TRAVEL_M);
-        let is_last = self.sweeps.len() >= MOST_SWEEPS;
-        if !is_last && (self.travel_m < enough_m || !self.sweeps.len().is_multiple_of(EVERY_SWEEPS)) {
-            return None;
-        }
-        let axis = start::find(&mut self.finder, &self.sweeps, wheels).filter(Axis::is_believed);
+        let axis = match self.search.take() {
+            Some(search) => match self.search_on(search, wheels) {
+                Step::Done(axis) => axis,
+                Step::Goes(search) => {
+                    self.search = Some(search);
+                    return None;
+                }
+            },
+            None => {
+                let enough_m = (TRAVEL_M / (sweep.beams.len() as f64).powi(2)).max(LEAST_TRAVEL_M);
+                let is_due = self.travel_m >= enough_m && self.sweeps.len().is_multiple_of(EVERY_SWEEPS);
+                if is_due || self.sweeps.len() >= MOST_SWEEPS {
+                    self.search = Search::begin(&mut self.finder, &self.sweeps, wheels);
+                }
+                if self.search.is_some() || self.sweeps.len() < MOST_SWEEPS {
+                    return None;
+                }
+                None
+            }
+        };
+        let axis = axis.filter(Axis::is_believed);
         let least_lead = (LEAD - LEAD_PER_M * self.travel_m).min(MOST_LEAD);
-        if !is_last && axis.is_none_or(|axis| axis.lead < least_lead) {
+        if self.sweeps.len() < MOST_SWEEPS && axis.is_none_or(|axis| axis.lead < least_lead) {
             return None;
         }
         let mut sweeps = std::mem::take(&mut self.sweeps);
@@ -88,6 +106,17 @@ impl Beginning {
             |axis| look_back(-axis.angle_rad, &sweeps, wheels, is_trusted),
         );
         Some(Begun { tracker, sweeps })
+    }
+
+    /// A few steps of a search.
+    fn search_on(&mut self, mut search: Search, wheels: &Calibration) -> Step {
+        for _ in 0..STEPS {
+            match search.step(&mut self.finder, &self.sweeps, wheels) {
+                Step::Goes(on) => search = on,
+                done @ Step::Done(_) => return done,
+            }
+        }
+        Step::Goes(search)
     }
 }
 

@@ -73,7 +73,7 @@ impl OccupancyGrid {
                 }
                 continue;
             };
-            let Tile { cells, facing, .. } = &mut self.tiles[place];
+            let Tile { cells, facing, .. } = &mut *self.tiles[place];
             while ray.left > 0 && tile_of(ray.cell()) == key {
                 let value = &mut cells[place_in_tile(ray.cell())];
                 if *value > 0 {
@@ -111,7 +111,7 @@ impl Reader<'_> {
         let key = tile_of(cell);
         if self.key != Some(key) {
             self.key = Some(key);
-            self.tile = self.grid.places.get(&key).map(|&place| &self.grid.tiles[place]);
+            self.tile = self.grid.places.get(&key).map(|&place| &*self.grid.tiles[place]);
         }
         self.tile.map_or(0, |tile| tile.cells[place_in_tile(cell)])
     }

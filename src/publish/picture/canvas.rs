@@ -2,7 +2,7 @@
 
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 use tiny_skia::{
-    Color, FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, PixmapPaint, PremultipliedColorU8, Stroke,
+    Color, FillRule, LineCap, LineJoin, Mask, Paint, Path, PathBuilder, Pixmap, PremultipliedColorU8, Rect, Stroke,
     StrokeDash, Transform,
 };
 
@@ -15,6 +15,8 @@ pub(super) type Ink = [u8; 4];
 /// The picture being drawn.
 pub(super) struct Canvas {
     pixmap: Pixmap,
+    /// What lines and discs are moved by, and the part of the picture that they are seen in.
+    window: (Transform, Option<Mask>),
 }
 
 /// How a line is drawn.
@@ -41,7 +43,7 @@ impl Canvas {
         let side = |pixels: usize| u32::try_from(pixels).unwrap_or(MAX_SIDE).clamp(1, MAX_SIDE);
         let mut pixmap = Pixmap::new(side(width), side(height)).expect("sides are within bounds");
         pixmap.fill(color(background));
-        Self { pixmap }
+        Self { pixmap, window: (Transform::identity(), None) }
     }
 
     pub(super) fn width_px(&self) -> f64 {
@@ -125,11 +127,17 @@ impl Canvas {
         (words.chars().count() * get_raster_width(WEIGHT, SIZE)) as f64
     }
 
-    /// Copies a picture so that its upper left corner is at (`left`, `top`).
-    pub(super) fn place(&mut self, other: &Self, (left, top): (usize, usize)) {
-        let (Ok(left), Ok(top)) = (i32::try_from(left), i32::try_from(top)) else { return };
-        let paint = PixmapPaint::default();
-        self.pixmap.draw_pixmap(left, top, other.pixmap.as_ref(), &paint, Transform::identity(), None);
+    /// Draws lines and discs in a part of the picture: their places are counted from its upper left corner, and nothing is seen outside it.
+    pub(super) fn within(&mut self, corner: (usize, usize), size: (usize, usize), draw: impl FnOnce(&mut Self)) {
+        let [left, top, width, height] = [corner.0, corner.1, size.0, size.1].map(|pixels| single(pixels as f64));
+        let mask = Rect::from_xywh(left, top, width, height).and_then(|part| {
+            let mut mask = Mask::new(self.pixmap.width(), self.pixmap.height())?;
+            mask.fill_path(&PathBuilder::from_rect(part), FillRule::Winding, false, Transform::identity());
+            Some(mask)
+        });
+        self.window = (Transform::from_translate(left, top), mask);
+        draw(self);
+        self.window = (Transform::identity(), None);
     }
 
     /// The picture as a PNG file.
@@ -137,7 +145,16 @@ impl Canvas {
     /// # Errors
     /// Where the picture is too large for the format.
     pub(super) fn into_png(self) -> std::io::Result<Vec<u8>> {
-        self.pixmap.encode_png().map_err(std::io::Error::other)
+        let mut file = Vec::new();
+        let mut encoder = png::Encoder::new(&mut file, self.pixmap.width(), self.pixmap.height());
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_compression(png::Compression::Fast);
+        // The opacity is dropped in place: everything stands on an opaque ground, and there is no room for another picture on a small board.
+        let mut bytes = self.pixmap.take();
+        let pixels = bytes.len() / 4;
+        (0..pixels).for_each(|pixel| bytes.copy_within(4 * pixel..4 * pixel + 3, 3 * pixel));
+        encoder.write_header().and_then(|mut writer| writer.write_image_data(&bytes[..3 * pixels]))?;
+        Ok(file)
     }
 
     fn stroke(&mut self, path: &Path, pen: Pen) {
@@ -148,11 +165,11 @@ impl Canvas {
             dash: pen.dash_px.and_then(|(on, off)| StrokeDash::new(vec![single(on), single(off)], 0.0)),
             ..Stroke::default()
         };
-        self.pixmap.stroke_path(path, &paint(pen.ink), &stroke, Transform::identity(), None);
+        self.pixmap.stroke_path(path, &paint(pen.ink), &stroke, self.window.0, self.window.1.as_ref());
     }
 
     fn fill(&mut self, path: &Path, ink: Ink) {
-        self.pixmap.fill_path(path, &paint(ink), FillRule::Winding, Transform::identity(), None);
+        self.pixmap.fill_path(path, &paint(ink), FillRule::Winding, self.window.0, self.window.1.as_ref());
     }
 
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "text stands inside the picture")]

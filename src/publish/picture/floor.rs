@@ -66,10 +66,16 @@ impl<'a> Floor<'a> {
     /// Colours the cells, the upper left corner of the floor at pixel (`left`, `top`).
     pub(super) fn paint(&self, canvas: &mut Canvas, (left, top): (usize, usize)) {
         let (width, height) = self.size();
+        let mut inks = Vec::new();
         for row in 0..height {
+            if row.is_multiple_of(self.pixels_per_cell) {
+                let cells =
+                    (0..width / self.pixels_per_cell).map(|column| (column, (height - 1 - row) / self.pixels_per_cell));
+                inks.clear();
+                inks.extend(cells.map(|cell| ink(self.occupancy(cell))));
+            }
             for column in 0..width {
-                let cell = (column / self.pixels_per_cell, (height - 1 - row) / self.pixels_per_cell);
-                canvas.set(left + column, top + row, ink(self.occupancy(cell)));
+                canvas.set(left + column, top + row, inks[column / self.pixels_per_cell]);
             }
         }
     }

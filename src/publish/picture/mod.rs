@@ -45,11 +45,11 @@ pub(super) fn draw(scene: &Scene<'_>) -> std::io::Result<Vec<u8>> {
     let mut canvas = Canvas::new(canvas_width, height + 2 * FRAME_PX + legend::HEIGHT_PX, PAPER);
     let corner = ((canvas_width - width) / 2, FRAME_PX);
 
-    let mut plan = Canvas::new(width, height, floor::UNKNOWN);
-    floor.paint(&mut plan, (0, 0));
-    draw_paths(&mut plan, &floor, scene);
-    draw_robot(&mut plan, &floor, scene);
-    canvas.place(&plan, corner);
+    floor.paint(&mut canvas, corner);
+    canvas.within(corner, (width, height), |plan| {
+        draw_paths(plan, &floor, scene);
+        draw_robot(plan, &floor, scene);
+    });
 
     let top = (FRAME_PX + height + FRAME_PX / 2) as f64;
     legend::draw(&mut canvas, top, scene, &floor);
