@@ -77,7 +77,7 @@ impl Tile {
 pub struct OccupancyGrid {
     cell_m: f64,
     cells_per_m: f64,
-    /// Each at a place of its own: when there are more, none is moved.
+    #[expect(clippy::vec_box, reason = "each at a place of its own: when there are more, none is moved")]
     tiles: Vec<Box<Tile>>,
     places: FxHashMap<(i32, i32), usize>,
     recent: Option<((i32, i32), usize)>,
