@@ -33,6 +33,8 @@ pub enum Input<'a> {
         /// That deadline.
         at: Timestamp,
     },
+    /// Nothing more will come: what waits is used.
+    End,
 }
 
 /// One output.

@@ -115,6 +115,11 @@ impl Pipeline {
             }
             Input::Opened { at } => self.opened(at),
             Input::Tick { at } => self.tick(at),
+            Input::End => {
+                if let Some(estimator) = &mut self.estimator {
+                    estimator.end(&mut self.events);
+                }
+            }
         }
         self.outputs.extend(self.events.drain(..).map(Output::Event));
     }

@@ -177,6 +177,13 @@ impl Walls {
         }
     }
 
+    /// Uses the first sweeps that still wait: no more will come.
+    pub fn end(&mut self, events: &mut Vec<Event>) {
+        while !self.waiting.is_empty() {
+            self.catch_up(events);
+        }
+    }
+
     /// Each sensor's state.
     #[must_use]
     pub fn states(&self) -> &[SensorState] {

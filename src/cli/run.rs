@@ -126,6 +126,7 @@ impl LiveArgs {
         let live = Live { begin, session: &mut session, recorder: &mut recorder, saver: &mut saver };
         let run = daemon::run(options, port, &mut link, shutdown, live, observe);
         runtime.block_on(run);
+        session.end();
         // Whatever went wrong, the map is kept.
         let saved = self.kept.save(saver, &session);
         let lacking = recorder.map(Recorder::finish).unwrap_or_default();

@@ -51,6 +51,14 @@ impl Estimator {
         }
     }
 
+    pub(super) fn end(&mut self, events: &mut Vec<Event>) {
+        match self {
+            Self::Walls(walls) => walls.end(events),
+            // In a known map nothing waits once the place is found.
+            Self::Paper(_) | Self::Localizer(_) => {}
+        }
+    }
+
     pub(super) fn raster(&self) -> Raster {
         match self {
             Self::Walls(walls) => walls.raster(),

@@ -15,7 +15,7 @@ pub enum ReplayError {
     Publish(#[from] PublishError),
 }
 
-/// Feeds a capture to a session. `progress` hears of each record's time in seconds.
+/// Feeds a whole capture to a session, and ends it. `progress` hears of each record's time in seconds.
 ///
 /// # Errors
 /// When the capture cannot be read or an output cannot be written.
@@ -25,6 +25,7 @@ pub fn replay(capture: &mut CaptureReader, session: &mut Session, progress: impl
         progress(record.at().seconds());
         step(session, record)?;
     }
+    session.end();
     Ok(())
 }
 

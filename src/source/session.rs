@@ -155,6 +155,11 @@ impl Session {
         }
     }
 
+    /// Nothing more will come: what waits in the pipeline is used.
+    pub fn end(&mut self) {
+        self.handle(Input::End);
+    }
+
     /// When the pipeline next wants to be called.
     #[must_use]
     pub fn next_deadline(&self) -> Timestamp {
