@@ -8,13 +8,11 @@
 mod mock_port;
 
 mod haste;
+mod player;
 
-use haste::Haste;
+use mock_port::Terminal;
 use mock_port::daemon::Daemon;
-use mock_port::{Terminal, simulation};
-use slamd::capture::Record;
-use slamd::sim::link::LinkFaults;
-use slamd::time::Timestamp;
+use player::play;
 use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -26,32 +24,6 @@ struct Measured {
     summary: serde_json::Value,
     /// Share of one core.
     cpu: f64,
-}
-
-/// Plays the board until told to end: `speed` 2 is in haste.
-#[expect(clippy::disallowed_methods, reason = "a board in real time is a clock")]
-fn play(mut terminal: Terminal, speed: u32, end: &AtomicBool) {
-    let mut simulation = simulation(1, LinkFaults::default(), 36_000.0);
-    let mut haste = (speed == 2).then(Haste::default);
-    let begin = Instant::now();
-    while !end.load(Ordering::Relaxed) {
-        let now = Timestamp::default() + speed * begin.elapsed();
-        while let Some(record) = simulation.poll(now) {
-            let record = match &mut haste {
-                Some(haste) => haste.halve(record),
-                None => Some(record),
-            };
-            if let Some(Record::Received { bytes, .. }) = record {
-                terminal.write(&bytes);
-            }
-        }
-        let heard = terminal.read();
-        if heard.is_empty() {
-            std::thread::sleep(Duration::from_millis(1));
-        } else {
-            simulation.hear(now, &heard);
-        }
-    }
 }
 
 #[expect(clippy::disallowed_methods, reason = "a bench has a clock")]

@@ -13,8 +13,8 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use workload::{CAPTURES, Drive};
 
-/// Milliseconds per scan of others, from issue 6: the first from the paper (2.6 GHz Core i7), the others run on data of the simulator (32 point
-/// beams, 49 m of path) on a machine of the kind this was written on. Mean, and 99th percentile where it was measured.
+/// Milliseconds per scan of others: the first from the paper (2.6 GHz Core i7), the others run on 32 point beams of a simulated drive
+/// of 49 m, on two such cores as these. Mean, and 99th percentile where it was measured.
 const PEERS: [(&str, f64, Option<f64>); 4] = [
     ("the paper's figure for its own method", 2.95, None),
     ("vinySLAM", 0.109, None),
@@ -176,8 +176,8 @@ fn main() {
          programs use, too: times scatter by a tenth, instructions do not.\n\n## Against others\n\n{}\n## Instructions\n\nCounted by valgrind over \
          the committed captures (`cargo bench --bench instructions`), the gate in CI: 5 % more than `benches/instructions.toml` fails. Stages run \
          alone, on every sweep; in the pipeline the axis is sought only while the heading is in doubt, and a beam clears its cone in one sweep of \
-         four.\n\n{counts}\n## Times\n\n{}\n## Latency\n\nFrom the last byte read to the pose written and shown, at a pseudo-terminal (`cargo bench --bench \
-         latency`). The greatest is the first: the axis is found, and all sweeps before it are used at once.\n\n{}\n## Memory\n\n{}\n## \
+         eight.\n\n{counts}\n## Times\n\n{}\n## Latency\n\nFrom the last byte read to the pose written and shown, at a pseudo-terminal (`cargo bench --bench \
+         latency`). The greatest is of the beginning: the axis is found, and the way back through the first sweeps is taken at once.\n\n{}\n## Memory\n\n{}\n## \
          Growth\n\nLaps through buildings of corridors (`cargo bench --bench growth`).\n\n![Time of a sweep and heap over hours](growth.png)\n{}",
         machine::cpu(),
         peers(),

@@ -1,0 +1,145 @@
+//! `cargo bench --bench soak [-- --minutes 60 --hours 72]`: does anything grow, drop or differ when the robot drives for long?
+//!
+//! First the real program at a pseudo-terminal, 20 sweeps a second, recording, with both cores loaded: the slope of its memory over the last
+//! two thirds, what it dropped, and whether the replay of its recording makes the same map. Then many hours of laps in the pipeline alone,
+//! twice side by side: the slope of its heap, and whether both know the same in the end.
+
+#[path = "../tests/mock_port/mod.rs"]
+mod mock_port;
+
+mod haste;
+mod lattice;
+mod player;
+
+use allocation_counter::measure;
+use indicatif::ProgressBar;
+use lattice::{Drive, Plan, drain};
+use mock_port::Terminal;
+use mock_port::daemon::Daemon;
+use player::play;
+use serde_json::Value;
+use slamd::event::Input;
+use slamd::pipeline::Pipeline;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+const MOST_KIB_PER_HOUR: f64 = 10.0;
+const SWEEPS_PER_HOUR: f64 = 36_000.0;
+/// Looks at the memory in a drive.
+const LOOKS: u32 = 60;
+/// Until the building is explored, the map grows: this part of the looks is not used.
+const EXPLORED: f64 = 1.0 / 3.0;
+
+fn option(name: &str, default: f64) -> f64 {
+    let arguments: Vec<String> = std::env::args().collect();
+    let place = arguments.iter().position(|argument| argument == name);
+    let number = place.and_then(|place| arguments.get(place + 1)).map(|number| number.parse());
+    number.unwrap_or(Ok(default)).expect("a number")
+}
+
+/// Least-squares slope of (hours, KiB) over the looks after the building is explored.
+fn slope_kib_per_hour(looks: &[(f64, f64)]) -> f64 {
+    let from_h = EXPLORED * looks.last().map_or(0.0, |look| look.0);
+    let late: Vec<_> = looks.iter().filter(|look| look.0 >= from_h).collect();
+    let mean = |of: fn(&(f64, f64)) -> f64| late.iter().map(|look| of(look)).sum::<f64>() / late.len() as f64;
+    let (hours, kib) = (mean(|look| look.0), mean(|look| look.1));
+    let of_both: f64 = late.iter().map(|look| (look.0 - hours) * (look.1 - kib)).sum();
+    of_both / late.iter().map(|look| (look.0 - hours).powi(2)).sum::<f64>()
+}
+
+fn summary(folder: &Path) -> Value {
+    let text = std::fs::read_to_string(folder.join("summary.json")).expect("a summary");
+    serde_json::from_str(&text).expect("JSON")
+}
+
+/// The real program for so many minutes; what it says at the end, what the replay of its recording says, and the slope.
+#[expect(clippy::disallowed_methods, reason = "a bench has a clock")]
+fn real(minutes: f64) -> (Value, Value, f64) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (capture, live, replayed) =
+        (folder.path().join("soak.mcap"), folder.path().join("live"), folder.path().join("replayed"));
+    let terminal = Terminal::open();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_slamd"));
+    command.arg("--port").arg(&terminal.path).arg("--record").arg(&capture).arg("--out").arg(&live);
+    if cfg!(feature = "viewer") {
+        command.args(["--viewer", "off"]);
+    }
+    let (end, cores) = (AtomicBool::new(false), std::thread::available_parallelism().map_or(1, usize::from));
+    let bar = ProgressBar::new(u64::from(LOOKS));
+    let looks = std::thread::scope(|scope| {
+        scope.spawn(|| play(terminal, 2, &end));
+        for _ in 0..cores {
+            scope.spawn(|| {
+                while !end.load(Ordering::Relaxed) {
+                    std::hint::spin_loop();
+                }
+            });
+        }
+        let mut daemon = Daemon::run(command);
+        daemon.expect("poses and map begin", Duration::from_secs(60));
+        let begin = Instant::now();
+        let look = |_| {
+            std::thread::sleep(Duration::from_secs_f64(60.0 * minutes / f64::from(LOOKS)));
+            bar.inc(1);
+            (begin.elapsed().as_secs_f64() / 3600.0, daemon.resident_kib() as f64)
+        };
+        let looks: Vec<(f64, f64)> = (0..LOOKS).map(look).collect();
+        daemon.end();
+        end.store(true, Ordering::Relaxed);
+        looks
+    });
+    bar.finish_and_clear();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_slamd"));
+    command.arg("replay").arg(&capture).arg("--out").arg(&replayed).stdout(Stdio::null()).stderr(Stdio::null());
+    assert!(command.status().expect("slamd runs").success(), "the recording cannot be replayed");
+    (summary(&live), summary(&replayed), slope_kib_per_hour(&looks))
+}
+
+/// Laps for so many hours: hours and heap, and the drive at its end.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "sweeps of a drive")]
+fn laps(hours: f64, bar: &ProgressBar) -> (Vec<(f64, f64)>, Drive) {
+    let mut drive = Drive::new(Plan { lines: 2, pitch_m: 7.5 }, hours);
+    let (sweeps, mut poses, mut heap_bytes) = ((hours * SWEEPS_PER_HOUR / f64::from(LOOKS)) as u64, 0, 0);
+    let mut handle = |pipeline: &mut Pipeline, input: Input<'_>| {
+        pipeline.handle(input);
+        drain(pipeline, &mut poses)
+    };
+    let looks = (1..=LOOKS).map(|look| {
+        heap_bytes += measure(|| (0..sweeps).for_each(|_| drive.sweep(&mut handle))).bytes_current;
+        bar.inc(1);
+        (hours * f64::from(look) / f64::from(LOOKS), heap_bytes as f64 / 1024.0)
+    });
+    (looks.collect(), drive)
+}
+
+fn main() {
+    let (minutes, hours) = (option("--minutes", 60.0), option("--hours", 72.0));
+    let bar = ProgressBar::new(2 * u64::from(LOOKS));
+    let [(looks, first), (_, second)] = std::thread::scope(|scope| {
+        [scope.spawn(|| laps(hours, &bar)), scope.spawn(|| laps(hours, &bar))]
+            .map(|both| both.join().expect("no panic"))
+    });
+    bar.finish_and_clear();
+    let (laps_slope, lap_h, counters) = (slope_kib_per_hour(&looks), first.lap_h(), first.pipeline.counters());
+    let same_laps = first.pipeline.memory() == second.pipeline.memory() && first.pipeline.memory().is_some();
+    let (live, replayed, slope) = real(minutes);
+    let key = |key: &str| live[key].as_u64().unwrap_or(u64::MAX);
+    let same = ["map_sha256", "trajectory_sha256"].iter().all(|key| live[key] == replayed[key] && !live[key].is_null());
+    println!("| | sweeps | dropped | frames lost | memory, KiB per hour | the same twice |");
+    println!("|---|---|---|---|---|---|");
+    println!(
+        "| {hours} h of laps of {lap_h:.2} h, compressed | {} | {} | {} | {laps_slope:.2} | {same_laps} |",
+        counters.sweeps, counters.dropped_sweeps, counters.lost_frames
+    );
+    println!(
+        "| {minutes} min in real time, cores loaded | {} | {} | {} | {slope:.2} | {same} |",
+        key("sweeps"),
+        key("dropped"),
+        key("lost_frames")
+    );
+    assert!(same && same_laps, "the same traffic has made another map");
+    assert!(key("dropped") == 0 && counters.dropped_sweeps == 0, "sweeps were dropped");
+    assert!(laps_slope.max(slope) < MOST_KIB_PER_HOUR, "memory grows");
+}
