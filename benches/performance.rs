@@ -6,6 +6,7 @@
 mod workload;
 
 use slamd::bench::machine;
+use slamd::bench::report::{BY_HAND, by_hand};
 use slamd::config::Method;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -172,7 +173,7 @@ fn main() {
         let _ = writeln!(counts, "| {name} | {} |", count / sweeps[capture].max(1));
     }
     let text = format!(
-        "# Performance\n\nWritten by `cargo bench --no-default-features --bench performance -- --hours {hours} --seconds {seconds}` on {}, two cores that other \
+        "# Performance\n\nWritten by `cargo bench --no-default-features --bench performance -- --hours {hours} --seconds {seconds}`, but for what follows the line \"<!-- by hand -->\", on {}, two cores that other \
          programs use, too: times scatter by a tenth, instructions do not.\n\n## Against others\n\n{}\n## Instructions\n\nCounted by valgrind over \
          the committed captures (`cargo bench --bench instructions`), the gate in CI: 5 % more than `benches/instructions.toml` fails. Stages run \
          alone, on every sweep; in the pipeline the axis is sought only while the heading is in doubt, and a beam clears its cone in one sweep of \
@@ -186,5 +187,7 @@ fn main() {
         resident(),
         bench("growth", &["--hours", &hours, "--out", &out.display().to_string()]),
     );
-    std::fs::write(out.join("performance.md"), text).expect("the folder can be written");
+    let file = out.join("performance.md");
+    let before = std::fs::read_to_string(&file).unwrap_or_default();
+    std::fs::write(file, format!("{text}\n{BY_HAND}\n{}", by_hand(&before))).expect("the folder can be written");
 }

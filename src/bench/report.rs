@@ -47,7 +47,8 @@ measured on {cpu}.
 }
 
 /// What follows the line [`BY_HAND`]; the introduction, which quotes it, is none.
-fn by_hand(before: &str) -> &str {
+#[must_use]
+pub fn by_hand(before: &str) -> &str {
     before.split_once(&format!("\n{BY_HAND}\n")).map_or("", |(_, rest)| rest)
 }
 
