@@ -271,7 +271,7 @@ impl Walls {
         let (Some(tracker), Some(lost)) = (&mut self.tracker, &mut self.lost) else { return };
         lost.add(sweep, |sensor| self.detector.is_trusted(sensor));
         let believed = tracker.filter.pose();
-        let walls = || tracker.known_walls(lost.since_sweep);
+        let walls = tracker.known_walls(lost.since_sweep);
         let change = if let Some(pose) = lost.find(sweep.odometry, &mut self.search, walls) {
             let moved_m = (pose.position() - believed.position()).norm();
             let turned_rad = wrap_angle(pose.theta_rad - believed.theta_rad);

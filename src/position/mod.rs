@@ -6,6 +6,7 @@ mod filter_memory;
 pub mod lock;
 pub mod nursery;
 pub mod paper_ekf;
+mod parking;
 pub mod relock;
 mod segments;
 mod symmetric;

@@ -57,8 +57,9 @@ const PER_QUARTER: f64 = 0.35;
 
 /// The one place from which the walls explain the returns, each a believed pose and a beam; `axis_rad` is the building's axis in the believed map.
 #[must_use]
-pub fn find(returns: &[(Pose2, Beam)], walls: &[KnownWall], axis_rad: f64) -> Option<Place> {
+pub fn find(returns: &[(Pose2, Beam)], walls: impl Iterator<Item = KnownWall>, axis_rad: f64) -> Option<Place> {
     let pivot = returns.last()?.0;
+    let walls = &nearby(returns, walls, pivot);
     let mut places: Vec<(f64, Place)> = Vec::new();
     for quarter in [0i8, 1, -1, 2] {
         let turn = f64::from(quarter) * FRAC_PI_2 - axis_rad;
@@ -85,6 +86,21 @@ pub fn find(returns: &[(Pose2, Beam)], walls: &[KnownWall], axis_rad: f64) -> Op
     };
     let rival = places.iter().filter(|(_, place)| is_elsewhere(place)).map(|(score, _)| *score).fold(0.0, f64::max);
     (best.explained >= LEAST_EXPLAINED && score - rival >= LEAST_LEAD).then_some(best)
+}
+
+/// The walls that any return may have come from, however the robot is turned and moved: their number does not grow with the building.
+fn nearby(returns: &[(Pose2, Beam)], walls: impl Iterator<Item = KnownWall>, pivot: Pose2) -> Vec<KnownWall> {
+    let heard_m = |(pose, beam): &(Pose2, Beam)| {
+        let sensor = (*pose * beam.robot_from_sensor).position();
+        (sensor - pivot.position()).norm() + beam.range_m
+    };
+    let reach_m = returns.iter().map(heard_m).fold(0.0, f64::max) + REACH_M + MARGIN_M;
+    let is_near = |wall: &KnownWall| {
+        let (across_m, along_m) = if wall.side.axis() == 0 { (pivot.x_m, pivot.y_m) } else { (pivot.y_m, pivot.x_m) };
+        let is_beside = wall.lo_m < along_m + reach_m && wall.hi_m > along_m - reach_m;
+        (wall.offset_m - across_m).abs() < reach_m && is_beside
+    };
+    walls.filter(is_near).collect()
 }
 
 /// The shifts along one axis that most pairs of returns and walls ask for.

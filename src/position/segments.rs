@@ -8,7 +8,7 @@ impl Tracker {
     pub(super) fn every_wall(&self) -> impl Iterator<Item = (&Wall, f64, f64)> {
         let near = self.walls.iter().enumerate();
         let near = near.map(|(index, wall)| (wall, self.filter.offset_m(index), self.filter.wall_variance(index)));
-        let far = self.parked.iter().map(|parked| (&parked.wall, parked.offset_m, parked.variance));
+        let far = self.parking.iter().map(|parked| (&parked.wall, parked.offset_m, parked.variance));
         near.chain(far)
     }
 

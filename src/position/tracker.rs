@@ -4,6 +4,7 @@ use super::beam_model::{Side, Sighting, sight};
 use super::filter::{Filter, MAX_WALLS, Measurement, ROBOT};
 use super::lock::LockWatch;
 use super::nursery::Nursery;
+use super::parking::Parking;
 use crate::event::Calibration;
 use crate::geometry::{Placement, Pose2, nearest_quarter};
 use crate::sweep::{Beam, Sweep};
@@ -25,14 +26,6 @@ pub struct Wall {
     pub(super) first_sweep: Option<u64>,
 }
 
-/// A wall out of the filter's sight, with its offset and variance as they were.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Parked {
-    pub(super) wall: Wall,
-    pub(super) offset_m: f64,
-    pub(super) variance: f64,
-}
-
 /// What became of a beam.
 #[derive(Clone, Copy, Debug)]
 pub enum Use {
@@ -50,7 +43,7 @@ pub struct Tracker {
     /// The filter over pose, wheels and walls.
     pub filter: Filter,
     pub(super) walls: Vec<Wall>,
-    pub(super) parked: Vec<Parked>,
+    pub(super) parking: Parking,
     /// True where the walls are known and none is learnt or changed.
     pub(super) is_fixed: bool,
     pub(super) nursery: Nursery,
@@ -83,11 +76,7 @@ const SAME_WALL_M: f64 = 0.07;
 const SAME_GAP_M: f64 = 0.6;
 /// Variance of the difference of what one wall's two offsets are, m².
 const SAME_NOISE_M2: f64 = 2.0 * MODEL_SIGMA_M * MODEL_SIGMA_M;
-/// Walls farther than this leave the filter when it is full, and come back when nearer.
-const PARK_M: f64 = 6.0;
-const UNPARK_M: f64 = 4.5;
-/// Walls that many places must stay free for.
-const SPARE: usize = 12;
+
 impl Tracker {
     /// A tracker for a robot at `pose` in the building frame.
     #[must_use]
@@ -95,7 +84,7 @@ impl Tracker {
         Self {
             filter: Filter::new(pose, heading_sigma_rad, nominal),
             walls: Vec::with_capacity(MAX_WALLS),
-            parked: Vec::new(),
+            parking: Parking::default(),
             is_fixed: false,
             nursery: Nursery::default(),
             uses: Vec::new(),
@@ -355,37 +344,5 @@ impl Tracker {
         gap_m <= SAME_GAP_M
             && apart_m <= SAME_WALL_M
             && apart_m.powi(2) <= 9.0 * (self.filter.difference_variance(a, b) + SAME_NOISE_M2)
-    }
-
-    /// Keeps places free in the filter: far walls leave it, and come back when the robot does.
-    fn park(&mut self) {
-        let pose = self.filter.pose();
-        let returning = self.parked.iter().position(|p| p.wall.distance_m(p.offset_m, pose) < UNPARK_M);
-        if let (Some(index), true) = (returning, self.walls.len() < MAX_WALLS - SPARE) {
-            let parked = self.parked.swap_remove(index);
-            if self.filter.add(parked.offset_m, &SVector::zeros(), parked.variance).is_some() {
-                self.walls.push(parked.wall);
-            }
-        }
-        if self.walls.len() <= MAX_WALLS - SPARE {
-            return;
-        }
-        let distance_m = |index: usize| self.walls[index].distance_m(self.filter.offset_m(index), pose);
-        let farthest = (0..self.walls.len()).max_by(|&a, &b| distance_m(a).total_cmp(&distance_m(b)));
-        if let Some(index) = farthest.filter(|&index| distance_m(index) > PARK_M) {
-            let offset_m = self.filter.offset_m(index);
-            let variance = self.filter.wall_variance(index);
-            self.filter.remove(index);
-            self.parked.push(Parked { wall: self.walls.swap_remove(index), offset_m, variance });
-        }
-    }
-}
-
-impl Wall {
-    /// Distance from the robot to the nearest seen part of the wall, metres.
-    fn distance_m(&self, offset_m: f64, pose: Pose2) -> f64 {
-        let (across_m, along_m) = self.side.split(pose.position());
-        let beyond_m = (self.lo_m - along_m).max(along_m - self.hi_m).max(0.0);
-        ((offset_m - across_m).powi(2) + beyond_m.powi(2)).sqrt()
     }
 }

@@ -17,13 +17,12 @@ impl Tracker {
     }
 
     /// Every well-known wall that was learnt before the sweep `until`, or by an earlier run.
-    #[must_use]
-    pub fn known_walls(&self, until: u64) -> Vec<KnownWall> {
-        let known = |wall: &Wall, offset_m| KnownWall { side: wall.side, offset_m, lo_m: wall.lo_m, hi_m: wall.hi_m };
+    pub fn known_walls(&self, until: u64) -> impl Iterator<Item = KnownWall> {
+        let known =
+            move |wall: &Wall, offset_m| KnownWall { side: wall.side, offset_m, lo_m: wall.lo_m, hi_m: wall.hi_m };
         self.every_wall()
-            .filter(|(wall, ..)| wall.hits >= WELL_KNOWN && !wall.is_since(until))
-            .map(|(wall, offset_m, _)| known(wall, offset_m))
-            .collect()
+            .filter(move |(wall, ..)| wall.hits >= WELL_KNOWN && !wall.is_since(until))
+            .map(move |(wall, offset_m, _)| known(wall, offset_m))
     }
 
     /// The robot is elsewhere: what was learnt from the sweep `since` on is void.

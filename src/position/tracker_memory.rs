@@ -2,14 +2,15 @@
 
 use super::beam_model::Side;
 use super::filter::Filter;
-use super::tracker::{Parked, Tracker, Wall};
+use super::parking::{Parked, Parking};
+use super::tracker::{Tracker, Wall};
 use crate::memory::{Impossible, Memory, ParkedMemory, WallMemory};
 
 impl Tracker {
     /// The walls as plain numbers: those in the filter, in its order, and those out of its sight.
     #[must_use]
     pub fn wall_memory(&self) -> (Vec<WallMemory>, Vec<ParkedMemory>) {
-        let parked = self.parked.iter().map(|parked| ParkedMemory {
+        let parked = self.parking.iter().map(|parked| ParkedMemory {
             wall: parked.wall.memory(),
             offset_m: parked.offset_m,
             variance: parked.variance,
@@ -36,7 +37,7 @@ impl Tracker {
         });
         let parked = parked.collect::<Result<Vec<_>, _>>()?;
         let mut tracker = Self::new(filter.pose(), 0.0, memory.filter.nominal);
-        (tracker.filter, tracker.walls, tracker.parked) = (filter, walls, parked);
+        (tracker.filter, tracker.walls, tracker.parking) = (filter, walls, Parking::with(parked));
         Ok(tracker)
     }
 
@@ -50,7 +51,7 @@ impl Tracker {
     pub fn fix_walls(&mut self) {
         self.is_fixed = true;
         self.filter.fix_walls();
-        self.parked.iter_mut().for_each(|parked| parked.variance = 0.0);
+        self.parking.fix();
     }
 }
 

@@ -50,7 +50,7 @@ impl Lost {
         &self,
         odometry: Pose2,
         finder: &mut AxisFinder,
-        walls: impl FnOnce() -> Vec<KnownWall>,
+        walls: impl Iterator<Item = KnownWall>,
     ) -> Option<Pose2> {
         if self.sweeps < FIRST_SWEEPS || !self.sweeps.is_multiple_of(EVERY_SWEEPS) {
             return None;
@@ -59,7 +59,7 @@ impl Lost {
         self.returns.iter().for_each(|(pose, beam)| finder.add(*pose, beam));
         let axis = finder.find().filter(Axis::is_believed);
         finder.clear();
-        let place = relock::find(&self.returns, &walls(), axis?.angle_rad)?;
+        let place = relock::find(&self.returns, walls, axis?.angle_rad)?;
         Some(place.correction * self.map_from_odom * odometry)
     }
 
