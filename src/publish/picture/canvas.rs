@@ -2,8 +2,8 @@
 
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 use tiny_skia::{
-    Color, FillRule, LineCap, LineJoin, Mask, Paint, Path, PathBuilder, Pixmap, PremultipliedColorU8, Rect, Stroke,
-    StrokeDash, Transform,
+    Color, FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, PremultipliedColorU8, Stroke, StrokeDash,
+    Transform,
 };
 
 /// A place in the picture: pixels to the right and down.
@@ -15,8 +15,9 @@ pub(super) type Ink = [u8; 4];
 /// The picture being drawn.
 pub(super) struct Canvas {
     pixmap: Pixmap,
-    /// What lines and discs are moved by, and the part of the picture that they are seen in.
-    window: (Transform, Option<Mask>),
+    background: Ink,
+    /// What lines and discs are moved by.
+    moved: Transform,
 }
 
 /// How a line is drawn.
@@ -43,7 +44,7 @@ impl Canvas {
         let side = |pixels: usize| u32::try_from(pixels).unwrap_or(MAX_SIDE).clamp(1, MAX_SIDE);
         let mut pixmap = Pixmap::new(side(width), side(height)).expect("sides are within bounds");
         pixmap.fill(color(background));
-        Self { pixmap, window: (Transform::identity(), None) }
+        Self { pixmap, background, moved: Transform::identity() }
     }
 
     pub(super) fn width_px(&self) -> f64 {
@@ -127,17 +128,20 @@ impl Canvas {
         (words.chars().count() * get_raster_width(WEIGHT, SIZE)) as f64
     }
 
-    /// Draws lines and discs in a part of the picture: their places are counted from its upper left corner, and nothing is seen outside it.
+    /// Draws lines and discs in a part of the picture: their places are counted from its upper left corner. Around it the picture is emptied.
     pub(super) fn within(&mut self, corner: (usize, usize), size: (usize, usize), draw: impl FnOnce(&mut Self)) {
-        let [left, top, width, height] = [corner.0, corner.1, size.0, size.1].map(|pixels| single(pixels as f64));
-        let mask = Rect::from_xywh(left, top, width, height).and_then(|part| {
-            let mut mask = Mask::new(self.pixmap.width(), self.pixmap.height())?;
-            mask.fill_path(&PathBuilder::from_rect(part), FillRule::Winding, false, Transform::identity());
-            Some(mask)
-        });
-        self.window = (Transform::from_translate(left, top), mask);
+        self.moved = Transform::from_translate(single(corner.0 as f64), single(corner.1 as f64));
         draw(self);
-        self.window = (Transform::identity(), None);
+        self.moved = Transform::identity();
+        let (columns, rows) = (corner.0..corner.0 + size.0, corner.1..corner.1 + size.1);
+        // A mask would be one more picture in memory.
+        for row in 0..self.pixmap.height() as usize {
+            for column in 0..self.pixmap.width() as usize {
+                if !(columns.contains(&column) && rows.contains(&row)) {
+                    self.set(column, row, self.background);
+                }
+            }
+        }
     }
 
     /// The picture as a PNG file.
@@ -165,11 +169,11 @@ impl Canvas {
             dash: pen.dash_px.and_then(|(on, off)| StrokeDash::new(vec![single(on), single(off)], 0.0)),
             ..Stroke::default()
         };
-        self.pixmap.stroke_path(path, &paint(pen.ink), &stroke, self.window.0, self.window.1.as_ref());
+        self.pixmap.stroke_path(path, &paint(pen.ink), &stroke, self.moved, None);
     }
 
     fn fill(&mut self, path: &Path, ink: Ink) {
-        self.pixmap.fill_path(path, &paint(ink), FillRule::Winding, self.window.0, self.window.1.as_ref());
+        self.pixmap.fill_path(path, &paint(ink), FillRule::Winding, self.moved, None);
     }
 
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "text stands inside the picture")]
