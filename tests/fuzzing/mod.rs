@@ -107,6 +107,11 @@ impl Corpus {
         &self.drive[..FILE_RECORDS]
     }
 
+    /// The whole drive, once more.
+    pub fn drive(&self, pipeline: &mut Pipeline) {
+        self.drive.iter().for_each(|record| feed(pipeline, record));
+    }
+
     /// What each fuzz target begins with.
     pub fn seeds(&self) -> [(&'static str, Vec<Vec<u8>>); 5] {
         let pieces = |frames: &[(u8, Vec<u8>)]| -> Vec<u8> {
