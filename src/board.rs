@@ -1,5 +1,9 @@
 //! What the board has said of itself: who it is and where its sensors sit.
 
+#![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
+#![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
+#![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
+
 use crate::geometry::{Mounting, Pose2, Ring};
 use slamd_protocol::{Geometry, Hello, MAX_ECHOES};
 

@@ -2,6 +2,10 @@
 //!
 //! Every key is described in `configs/README.md`.
 
+#![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
+#![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
+#![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
+
 mod calibration;
 
 pub use calibration::CorrectionConfig;
@@ -229,10 +233,8 @@ impl Config {
     }
 
     /// The text that [`Config::from_toml`] reads back as this configuration.
-    ///
-    /// # Panics
-    /// Never: every configuration has a TOML form.
     #[must_use]
+    #[expect(clippy::expect_used, reason = "TOML has a form for each type that the configuration is made of")]
     pub fn to_toml(&self) -> String {
         toml::to_string(self).expect("plain numbers, strings and tables")
     }

@@ -1,6 +1,10 @@
 //! The host's side of the conversation with the board: who it is, whether its settings are as wanted, and whether it is still the one
 //! it was.
 
+#![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
+#![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
+#![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
+
 use crate::board::Board;
 use crate::config::Config;
 use crate::event::Event;

@@ -3,6 +3,10 @@
 //! Opening the port resets many boards, and their boot loaders choke on early bytes: nothing is sent before the board has spoken
 //! or 2.5 s have passed. What is not answered is asked again.
 
+#![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
+#![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
+#![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
+
 use crate::time::Timestamp;
 use bytes::Bytes;
 use slamd_protocol::{FrameEncoder, Message, VERSION_MAJOR, VERSION_MINOR};

@@ -1,5 +1,9 @@
 //! What is in a capture: frames, losses, gaps, and what each sensor and wheel did.
 
+#![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
+#![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
+#![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
+
 use crate::board::Board;
 use crate::capture::{CaptureError, CaptureReader, Record};
 use crate::time::Timestamp;
@@ -207,8 +211,8 @@ impl Reading {
         let before = self.ticks.replace(ticks).unwrap_or(ticks);
         for ((wheel, now), before) in self.report.encoders.iter_mut().zip(ticks).zip(before) {
             let step = now.wrapping_sub(before);
-            wheel.net_ticks += i64::from(step);
-            wheel.path_ticks += u64::from(step.unsigned_abs());
+            wheel.net_ticks = wheel.net_ticks.saturating_add(i64::from(step));
+            wheel.path_ticks = wheel.path_ticks.saturating_add(u64::from(step.unsigned_abs()));
         }
     }
 

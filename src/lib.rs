@@ -4,6 +4,8 @@
 //!
 //! Bytes and time go in, events come out, and nothing in between touches the world. Start reading at [`pipeline`].
 
+#![forbid(unsafe_code)]
+
 pub mod event;
 pub mod geometry;
 pub mod sweep;

@@ -8,6 +8,10 @@
 //! A state machine like the pipeline: what was opened, heard and closed goes in, changes of state with their cause and remedies
 //! (another baud rate, opening the port anew) come out. The daemon carries them out.
 
+#![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
+#![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
+#![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
+
 use crate::board::Board;
 use crate::time::Timestamp;
 use std::collections::VecDeque;

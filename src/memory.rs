@@ -3,6 +3,10 @@
 //! Each stage writes and reads its own part; nobody else interprets it. Nothing here is checked beyond its form: whoever restores a
 //! part refuses numbers that cannot be ([`crate::session_file`] has the bytes).
 
+#![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
+#![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
+#![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
+
 use crate::event::{Calibration, Event, FaultEvent, SensorState};
 use crate::time::Timestamp;
 use serde::{Deserialize, Serialize};

@@ -8,6 +8,10 @@
 //!
 //! The steps from the sweep on are those of the chosen method: [`crate::walls`] or [`crate::paper`].
 
+#![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
+#![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
+#![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
+
 mod estimator;
 mod insight;
 

@@ -1,5 +1,9 @@
 //! Brings the board's settings in line with the robot's configuration: asks for each value, sets what differs, looks again.
 
+#![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
+#![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
+#![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
+
 use slamd_protocol::{AckResult, Message, Setting, kind};
 
 /// What the configuration wants of the board.

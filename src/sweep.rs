@@ -4,6 +4,10 @@
 //! age and the validity of each element beside it. Ranges follow REP-117: a finite value is a measurement, +∞ is "nothing
 //! within range", −∞ is "too close to measure" and NaN is "no measurement".
 
+#![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
+#![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
+#![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
+
 use crate::geometry::{Point, Pose2};
 use crate::time::Timestamp;
 

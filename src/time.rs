@@ -1,5 +1,9 @@
 //! Two clocks, two types: the host's and the board's. Only `align::clock` converts.
 
+#![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
+#![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
+#![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
+
 use std::time::Duration;
 
 /// Host time in microseconds since the session began; it never runs back.

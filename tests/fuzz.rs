@@ -3,6 +3,8 @@
 mod fuzzing;
 
 use fuzzing::{Corpus, Kind};
+use slamd::config::Config;
+use slamd::pipeline::{Pipeline, Start};
 
 const BYTES: u64 = 50_000_000;
 /// Bytes from one seed, of which a fourth are frames that reach the estimator.
@@ -44,6 +46,17 @@ fn no_file_panics() {
         assert!(accepted > 0 && (accepted as u64) < count, "{kind:?}: {accepted} of {count}");
     }
     assert!(fuzzing::most_resident_kib() < MOST_KIB);
+}
+
+#[test]
+fn a_wall_that_was_seen_too_often_to_count_is_seen_again() {
+    let corpus = Corpus::new();
+    let mut memory = corpus.memory();
+    memory.walls.iter_mut().for_each(|wall| wall.hits = u32::MAX);
+    let mut pipeline = Pipeline::begin(&Config::default(), Start::Resume(Box::new(memory))).expect("sound");
+    corpus.drive(&mut pipeline);
+    let walls = pipeline.memory().expect("it goes on").walls;
+    assert!(pipeline.counters().sweeps > 100 && walls.iter().any(|wall| wall.hits == u32::MAX), "{walls:?}");
 }
 
 /// Both cores; the results in the order of the seeds.

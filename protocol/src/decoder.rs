@@ -94,9 +94,8 @@ impl FrameDecoder {
         }
         let whole = self.block_left == 0 && self.content.len() >= MIN_CONTENT;
         match self.content.split_last_chunk::<CRC_LEN>() {
-            Some((&[kind, seq, ref payload @ ..], crc)) if whole => {
-                let covered = self.content.len() - CRC_LEN;
-                if checksum(&self.content[..covered]) == u32::from_le_bytes(*crc) {
+            Some((covered @ &[kind, seq, ref payload @ ..], crc)) if whole => {
+                if checksum(covered) == u32::from_le_bytes(*crc) {
                     self.counters.frames += 1;
                     return Some(Frame { kind, seq, payload });
                 }

@@ -92,7 +92,10 @@ pub fn encode_frame(kind: u8, seq: u8, payload: &PayloadBuf) -> FrameBuf {
             frame.push(1);
         } else {
             frame.push(byte);
-            frame[code_at] += 1;
+            // At most 251: no block is longer than a content.
+            if let Some(code) = frame.get_mut(code_at) {
+                *code += 1;
+            }
         }
     }
     frame.push(DELIMITER);

@@ -1,5 +1,9 @@
 //! Alignment: messages with board time in, sweeps with host time out.
 
+#![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
+#![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
+#![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
+
 pub mod clock;
 pub mod sweeper;
 pub mod track;
@@ -169,7 +173,7 @@ impl Aligner {
         let Some(reference) = sweeper.reference() else { return };
         // No ping is heard before it is sent, and a better clock line must not turn time back.
         let host = self.clock.host_time(reference).unwrap_or(now).min(now);
-        let at = host.max(Timestamp::from_us(self.newest.us() + 1));
+        let at = host.max(Timestamp::from_us(self.newest.us().saturating_add(1)));
         if let Some(sweep) = sweeper.finish(at, &self.track, wheels) {
             self.newest = at;
             each(sweep);

@@ -113,14 +113,14 @@ impl Sweeper {
     /// True where the group has been heard in the cycle at hand: with it a new cycle begins.
     #[must_use]
     pub fn has_heard(&self, group: u8) -> bool {
-        self.members(group).any(|sensor| self.pings[sensor].is_some())
+        self.ring.mountings.iter().zip(&self.pings).any(|(mounting, ping)| mounting.group == group && ping.is_some())
     }
 
     /// Adds one fired group; `at` is its trigger. Sensors outside the ring are ignored.
     pub fn add(&mut self, sonar: &Sonar, at: DeviceTime) {
-        for sensor in 0..self.pings.len() {
-            if self.ring.mountings[sensor].group == sonar.group {
-                self.pings[sensor] = Some(Ping { at, echo: None });
+        for (mounting, ping) in self.ring.mountings.iter().zip(&mut self.pings) {
+            if mounting.group == sonar.group {
+                *ping = Some(Ping { at, echo: None });
             }
         }
         for answer in &sonar.echoes {
@@ -179,11 +179,6 @@ impl Sweeper {
         self.pings.fill(None);
         self.newest = None;
         self.previous = self.previous.map(|(_, travel)| (DeviceTime::default(), travel));
-    }
-
-    fn members(&self, group: u8) -> impl Iterator<Item = usize> {
-        let mountings = self.ring.mountings.iter().enumerate();
-        mountings.filter(move |(_, mounting)| mounting.group == group).map(|(sensor, _)| sensor)
     }
 }
 

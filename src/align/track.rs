@@ -53,13 +53,16 @@ impl Track {
             right_m: self.right.widen(right_ticks) * wheels.metres_per_tick[1],
         };
         let place = self.samples.partition_point(|sample| sample.at <= at);
-        if place == 0 && !self.samples.is_empty() {
+        let mut before = place.checked_sub(1).and_then(|before| self.samples.get(before)).copied();
+        if before.is_none() && !self.samples.is_empty() {
             return;
         }
         self.samples.insert(place, Sample { at, travel, pose: Pose2::default() });
-        for i in place.max(1)..self.samples.len() {
-            let before = self.samples[i - 1];
-            self.samples[i].pose = before.rolled_to(self.samples[i].travel, wheels);
+        for sample in self.samples.iter_mut().skip(place) {
+            if let Some(before) = before {
+                sample.pose = before.rolled_to(sample.travel, wheels);
+            }
+            before = Some(*sample);
         }
         if self.samples.len() > CAPACITY {
             self.samples.pop_front();
@@ -70,11 +73,10 @@ impl Track {
     #[must_use]
     pub fn at(&self, at: DeviceTime, wheels: Wheels) -> Option<(Pose2, Travel)> {
         let after = self.samples.partition_point(|sample| sample.at <= at);
-        let (a, b) = match after {
-            0 => return self.samples.front().map(|first| (first.pose, first.travel)),
-            i if i < self.samples.len() => (self.samples[i - 1], self.samples[i]),
-            i if i >= 2 => (self.samples[i - 2], self.samples[i - 1]),
-            _ => return self.samples.front().map(|only| (only.pose, only.travel)),
+        let up_to = |last: usize| Some((self.samples.get(last.checked_sub(1)?)?, self.samples.get(last)?));
+        // Behind the newest sample the last two show the way.
+        let Some((a, b)) = up_to(after).or_else(|| up_to(after.checked_sub(1)?)) else {
+            return self.samples.front().map(|first| (first.pose, first.travel));
         };
         let span_s = b.at.seconds_since(a.at);
         if span_s <= 0.0 {
@@ -117,7 +119,7 @@ impl Counter {
     fn widen(&mut self, count: i32) -> f64 {
         let step = self.last.map_or(0, |last| count.wrapping_sub(last));
         self.last = Some(count);
-        self.ticks += i64::from(step);
+        self.ticks = self.ticks.saturating_add(i64::from(step));
         self.ticks as f64
     }
 

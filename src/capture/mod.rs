@@ -2,6 +2,10 @@
 //!
 //! A capture knows bytes only, so bytes that do not even decode can be replayed. `replay/README.md` is the specification.
 
+#![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
+#![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
+#![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
+
 mod reader;
 mod writer;
 

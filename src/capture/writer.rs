@@ -90,12 +90,10 @@ impl<W: Write> CaptureWriter<W> {
     ///
     /// # Errors
     /// As [`CaptureWriter::received`].
-    ///
-    /// # Panics
-    /// Never: three numbers have a JSON form.
     pub fn truth(&mut self, at: Timestamp, pose: Pose2) -> Result<(), CaptureError> {
         let message = TruthMessage { x_m: pose.x_m, y_m: pose.y_m, theta_rad: pose.theta_rad };
-        let json = serde_json::to_vec(&message).expect("three numbers");
+        let json = serde_json::to_vec(&message)
+            .map_err(|error| CaptureError::Io { path: self.path.clone(), source: error.into() })?;
         self.write(|channels| &mut channels.truth, at, &json)
     }
 

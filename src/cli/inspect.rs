@@ -1,7 +1,7 @@
 //! `slamd inspect`: says what is in a capture.
 
+use super::terminal;
 use clap::Args;
-use std::io::Write as _;
 use std::path::PathBuf;
 
 /// Say what is in a capture: frames, losses, gaps, sensors, wheels, damage.
@@ -22,7 +22,7 @@ impl InspectArgs {
     pub(super) fn run(self) -> anyhow::Result<()> {
         let report = crate::inspect::inspect(&self.capture)?;
         let text = if self.json { serde_json::to_string_pretty(&report)? } else { report.to_string() };
-        writeln!(std::io::stdout().lock(), "{text}")?;
+        terminal::say(text);
         Ok(())
     }
 }

@@ -144,7 +144,7 @@ pub fn main() -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("slamd: {failure}");
+            eprintln!("slamd: {}", terminal::plain(&failure));
             ExitCode::from(failure.kind as u8)
         }
     }

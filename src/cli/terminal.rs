@@ -35,7 +35,12 @@ pub(super) fn show(bar: &ProgressBar, seconds: f64) {
 
 /// A line on standard output. One that nobody reads any more (`| head`) is no failure.
 pub(super) fn say(line: impl std::fmt::Display) {
-    let _ = writeln!(std::io::stdout(), "{line}");
+    let _ = writeln!(std::io::stdout(), "{}", plain(line));
+}
+
+/// Words without control characters other than ends of lines and tabs: what a file or a board says must not steer the terminal.
+pub(super) fn plain(words: impl std::fmt::Display) -> String {
+    words.to_string().chars().filter(|c| !c.is_control() || matches!(c, '\n' | '\t')).collect()
 }
 
 /// The summary, in words or as JSON, on standard output.
@@ -70,4 +75,14 @@ fn style(template: &str) -> ProgressStyle {
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "seconds of a session")]
 fn tenths(seconds: f64) -> u64 {
     (seconds.max(0.0) * 10.0) as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_cannot_clear_the_screen() {
+        assert_eq!(plain("a\tb\n\u{1b}[2Jc\r\u{9b}31m\u{7}"), "a\tb\n[2Jc31m");
+    }
 }

@@ -52,6 +52,7 @@ impl Config {
     /// # Panics
     /// Never: every configuration has a TOML form.
     #[must_use]
+    #[expect(clippy::expect_used, reason = "TOML has a form for each type that the configuration is made of")]
     pub fn to_toml_differences(&self) -> String {
         let table = |config: &Self| toml::Table::try_from(config).expect("plain numbers, strings and tables");
         let mut differences = table(self);

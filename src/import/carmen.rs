@@ -133,14 +133,14 @@ fn pose(line: Line<'_>, fields: &[&str], column: usize) -> Result<Pose2, ImportE
     ))
 }
 
-/// The beam of `count` nearest to a bearing; none behind the laser.
+/// The beam of `count` nearest to a bearing; none behind the laser, and none of none.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the beams there are")]
 fn nearest_beam(bearing_deg: f64, count: usize) -> Option<usize> {
     if bearing_deg.abs() > FARTHEST_DEG {
         return None;
     }
     let share = (bearing_deg + 90.0) / 180.0;
-    let last = (count - 1) as f64;
+    let last = count.checked_sub(1)? as f64;
     let place = if count % 2 == 1 { share * last } else { share * count as f64 - 0.5 };
     Some(place.round().clamp(0.0, last) as usize)
 }

@@ -4,6 +4,10 @@
 //! Board time equals host time. Ranges become times of flight at the configured temperature, which the STATUS repeats, so that
 //! they come back within 0.1 mm.
 
+#![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
+#![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
+#![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
+
 pub mod carmen;
 mod recorder;
 pub mod ring;

@@ -6,7 +6,9 @@
 //! mapped badly must not be told apart by that. Above them stand coarser levels, as in Cartographer's scan matcher (Hess and others, 2016): a place of level h holds
 //! the greatest mark of the 2^h × 2^h cells from it on, so the sum over the points is a bound for all translations in that square.
 
-#![expect(clippy::cast_sign_loss, reason = "places inside a map are not negative")]
+#![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
+#![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
+#![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
 
 use crate::mapping::raster::Raster;
 
@@ -52,15 +54,19 @@ impl KnownMap {
     /// The map of a raster.
     pub(super) fn new(raster: &Raster) -> Self {
         let (columns, rows) = (signed(raster.width), signed(raster.height));
-        let (width, height) = (columns + MARGIN, rows + MARGIN);
+        let (width, height) = (columns.saturating_add(MARGIN), rows.saturating_add(MARGIN));
         let mut map = Self { width, height, levels: Vec::with_capacity(LEVELS) };
+        let extent = [raster.width, raster.height];
         let value = |column: i32, row: i32| -> i8 {
-            let inside = (0..columns).contains(&column) && (0..rows).contains(&row);
-            if inside { raster.occupancy[row as usize * raster.width + column as usize] } else { Raster::UNKNOWN }
+            let value = place(column, row, extent).and_then(|place| raster.occupancy.get(place));
+            value.copied().unwrap_or(Raster::UNKNOWN)
         };
         let depths = depths(raster);
-        let is_deep = |column: i32, row: i32| depths[row as usize * raster.width + column as usize] >= DEEP;
-        let mut marks = Vec::with_capacity(width as usize * height as usize);
+        let is_deep = |column: i32, row: i32| {
+            let depth = place(column, row, extent).and_then(|place| depths.get(place));
+            depth.is_some_and(|depth| *depth >= DEEP)
+        };
+        let mut marks = Vec::with_capacity(map.places());
         for row in -MARGIN..rows {
             for column in -MARGIN..columns {
                 marks.push(if column < 0 || row < 0 {
@@ -73,13 +79,13 @@ impl KnownMap {
         map.levels.push(Level { marks });
         for level in 1..LEVELS {
             let reach = 1 << (level - 1);
-            let finer = map.levels.len() - 1;
-            let mut marks = Vec::with_capacity(width as usize * height as usize);
+            let mut marks = Vec::with_capacity(map.places());
             for row in 0..height {
                 for column in 0..width {
                     let four = [(0, 0), (reach, 0), (0, reach), (reach, reach)]
-                        .map(|(x, y)| map.mark(finer, column + x, row + y));
-                    marks.push([0, 1].map(|kind| four.iter().map(|mark| mark[kind]).max().unwrap_or_default()));
+                        .map(|(x, y)| map.mark(level - 1, column + x, row + y));
+                    let greatest = |[a, b]: [i8; 2], [c, d]: [i8; 2]| [a.max(c), b.max(d)];
+                    marks.push(four.into_iter().fold([i8::MIN; 2], greatest));
                 }
             }
             map.levels.push(Level { marks });
@@ -89,24 +95,41 @@ impl KnownMap {
 
     /// Solid and free mark of a place of a level; places are counted from [`MARGIN`] before the first cell.
     pub(super) fn mark(&self, level: usize, column: i32, row: i32) -> [i8; 2] {
-        let inside = (0..self.width).contains(&column) && (0..self.height).contains(&row);
-        if inside { self.levels[level].marks[row as usize * self.width as usize + column as usize] } else { NOTHING }
+        let place = place(column, row, self.extent());
+        let mark = place.and_then(|place| self.levels.get(level)?.marks.get(place));
+        mark.copied().unwrap_or(NOTHING)
     }
+
+    fn extent(&self) -> [usize; 2] {
+        [self.width, self.height].map(|cells| usize::try_from(cells).unwrap_or_default())
+    }
+
+    fn places(&self) -> usize {
+        let [width, height] = self.extent();
+        width.saturating_mul(height)
+    }
+}
+
+/// Where a cell stands in a list of `width × height`, row by row; none outside.
+fn place(column: i32, row: i32, [width, height]: [usize; 2]) -> Option<usize> {
+    let (column, row) = (usize::try_from(column).ok()?, usize::try_from(row).ok()?);
+    if column < width && row < height { row.checked_mul(width)?.checked_add(column) } else { None }
 }
 
 fn marks_of(value: &impl Fn(i32, i32) -> i8, is_deep: bool, column: i32, row: i32) -> [i8; 2] {
     let reach = signed(SOLID_BY_DISTANCE.len()) - 1;
-    let mut nearest: Option<i32> = None;
+    let mut nearest: Option<u32> = None;
     for y in -reach..=reach {
         for x in -reach..=reach {
             if value(column + x, row + y) >= SOLID {
-                let distance = x.abs().max(y.abs());
+                let distance = x.unsigned_abs().max(y.unsigned_abs());
                 nearest = Some(nearest.map_or(distance, |least| least.min(distance)));
             }
         }
     }
-    let solid = match nearest {
-        Some(distance) => SOLID_BY_DISTANCE[distance as usize],
+    let by_distance = nearest.and_then(|distance| SOLID_BY_DISTANCE.get(usize::try_from(distance).ok()?).copied());
+    let solid = match by_distance {
+        Some(solid) => solid,
         None if is_deep => SOLID_ON_FREE,
         None => SOLID_ELSEWHERE,
     };
@@ -118,13 +141,15 @@ fn depths(raster: &Raster) -> Vec<i32> {
     let mut depths: Vec<i32> =
         raster.occupancy.iter().map(|value| if (0..=FREE).contains(value) { i32::MAX / 2 } else { 0 }).collect();
     let (width, height) = (signed(raster.width), signed(raster.height));
-    let index = |column: i32, row: i32| row as usize * raster.width + column as usize;
+    let extent = [raster.width, raster.height];
     let mut relax = |column: i32, row: i32, neighbours: [(i32, i32); 4]| {
-        for (x, y) in neighbours.map(|(x, y)| (column + x, row + y)) {
-            let inside = (0..width).contains(&x) && (0..height).contains(&y);
-            let bound = if inside { depths[index(x, y)] + 1 } else { 1 };
-            let here = &mut depths[index(column, row)];
-            *here = (*here).min(bound);
+        for (x, y) in neighbours {
+            // Outside nothing is known to be free.
+            let neighbour = place(column + x, row + y, extent).and_then(|place| depths.get(place));
+            let bound = neighbour.map_or(1, |depth| depth.saturating_add(1));
+            if let Some(here) = place(column, row, extent).and_then(|place| depths.get_mut(place)) {
+                *here = (*here).min(bound);
+            }
         }
     };
     for (row, column) in (0..height).flat_map(|row| (0..width).map(move |column| (row, column))) {

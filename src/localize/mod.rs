@@ -46,6 +46,8 @@ pub struct Localizer {
 /// From one search to the next, metres; a radian of turning counts as half a metre.
 const SEARCH_M: f64 = 0.5;
 const M_PER_RAD: f64 = 0.5;
+/// A map that is wider is not searched: 200 m by 200 m of 5 cm cells, for which the search takes 270 MB.
+const MOST_CELLS: usize = 1 << 24;
 /// A new map with fewer solid cells says nothing yet: three metres of wall.
 const LEAST_SOLID: usize = 60;
 /// The least fit that is believed, and how far the second best place must stay behind.
@@ -70,6 +72,9 @@ impl Localizer {
     /// Where the memory holds what cannot be.
     pub fn new(config: &Config, ring: &Ring, memory: &Memory) -> Result<Self, Impossible> {
         let known = OccupancyGrid::restore(&memory.map)?.raster();
+        if known.occupancy.len() > MOST_CELLS {
+            return Err(Impossible("the map is too wide to be searched for the robot"));
+        }
         let mut config = config.clone();
         // Both maps have cells of one size, and the wheels are those of the last drive.
         config.map.cell_m = memory.map.cell_m;

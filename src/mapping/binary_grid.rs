@@ -94,9 +94,9 @@ impl BinaryGrid {
         };
         let mut merge = 1;
         let side = |low: i32, high: i32, merge: i32| {
-            usize::try_from((high - low + 1) * (TILE / merge)).expect("tiles are in order")
+            usize::try_from(((high - low + 1) * TILE + merge - 1) / merge).expect("tiles are in order")
         };
-        while merge < TILE && side(left, right, merge) * side(bottom, top, merge) > MOST_RASTER_CELLS {
+        while side(left, right, merge) * side(bottom, top, merge) > MOST_RASTER_CELLS {
             merge *= 2;
         }
         let (width, height) = (side(left, right, merge), side(bottom, top, merge));
@@ -269,12 +269,14 @@ mod tests {
 
     #[test]
     fn a_large_map_is_drawn_coarser() {
-        let mut grid = BinaryGrid::default();
-        for far in [-200.001, 200.001] {
-            grid.mark(Pose2::default(), Point::new(far, far), Point::new(far, far));
+        for most in [200.001, 9_999.0] {
+            let mut grid = BinaryGrid::default();
+            for far in [-most, most] {
+                grid.mark(Pose2::default(), Point::new(far, far), Point::new(far, far));
+            }
+            let raster = grid.raster();
+            assert!(raster.width * raster.height <= MOST_RASTER_CELLS && raster.cell_m > CELL_M);
+            assert_eq!((at(&raster, -most, -most), at(&raster, most, most)), (100, 100));
         }
-        let raster = grid.raster();
-        assert!(raster.width * raster.height <= MOST_RASTER_CELLS && raster.cell_m > CELL_M);
-        assert_eq!((at(&raster, -200.001, -200.001), at(&raster, 200.001, 200.001)), (100, 100));
     }
 }

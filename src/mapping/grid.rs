@@ -19,8 +19,10 @@ const SIDE: i32 = 32;
 const TILE: usize = SIDE.unsigned_abs() as usize;
 /// Tiles at most: 10,000 m² of 5 cm cells take about 4,000.
 const MAX_TILES: usize = 16_384;
-/// A restored map reaches no farther, in tiles: 800 m of 5 cm cells.
-const FARTHEST_TILE: u32 = 500;
+/// The rectangle round all tiles holds no more: 400 m by 400 m of 5 cm cells. One tile far off must not make it a sea of memory.
+const MOST_ENCLOSED: u64 = 1 << 16;
+/// No tile lies farther from the origin: no cell does, see [`OccupancyGrid::cell`].
+const FARTHEST_TILE: u32 = 4_000_000;
 /// Log-odds are clamped here, in hundredths: p from 0.04 to 0.98.
 const FLOOR: i16 = -320;
 const CEILING: i16 = 400;
@@ -81,6 +83,8 @@ pub struct OccupancyGrid {
     tiles: Vec<Box<Tile>>,
     places: FxHashMap<(i32, i32), usize>,
     recent: Option<((i32, i32), usize)>,
+    /// First and last column and row of the tiles.
+    extent: Option<[[i32; 2]; 2]>,
     refused: u64,
     revision: u64,
 }
@@ -95,6 +99,7 @@ impl OccupancyGrid {
             tiles: Vec::new(),
             places: FxHashMap::default(),
             recent: None,
+            extent: None,
             refused: 0,
             revision: 0,
         }
@@ -203,9 +208,12 @@ impl OccupancyGrid {
             let (Ok(cells), Ok(facing)) = (tile.log_odds[..].try_into(), tile.facing[..].try_into()) else {
                 return Err(Impossible("a tile of the map is not whole"));
             };
-            let is_near = tile.column.unsigned_abs().max(tile.row.unsigned_abs()) < FARTHEST_TILE;
-            if !is_near || tile.log_odds.iter().any(|value| !(FLOOR..=CEILING).contains(value)) {
+            if tile.log_odds.iter().any(|value| !(FLOOR..=CEILING).contains(value)) {
                 return Err(Impossible("a tile of the map holds what no tile can"));
+            }
+            grid.extent = grid.extended((tile.column, tile.row));
+            if grid.extent.is_none() {
+                return Err(Impossible("a tile of the map lies too far from the others"));
             }
             if grid.places.insert((tile.column, tile.row), grid.tiles.len()).is_some() {
                 return Err(Impossible("a tile of the map is there twice"));
@@ -234,15 +242,16 @@ impl OccupancyGrid {
         let key = tile_of(cell);
         let place = match self.place(key) {
             Some(place) => place,
-            None if self.tiles.len() < MAX_TILES => {
+            None => {
                 let place = self.tiles.len();
+                let Some(extent) = self.extended(key).filter(|_| place < MAX_TILES) else {
+                    self.refused += 1;
+                    return None;
+                };
+                self.extent = Some(extent);
                 self.tiles.push(Box::new(Tile { cells: [0; TILE * TILE], facing: [[0; 2]; TILE], revision: 0 }));
                 self.places.insert(key, place);
                 place
-            }
-            None => {
-                self.refused += 1;
-                return None;
             }
         };
         self.recent = Some((key, place));
@@ -250,15 +259,21 @@ impl OccupancyGrid {
         Some(place)
     }
 
+    /// The extent with one more tile; none where that would enclose too much.
+    fn extended(&self, (column, row): (i32, i32)) -> Option<[[i32; 2]; 2]> {
+        let [[left, bottom], [right, top]] = self.extent.unwrap_or([[column, row]; 2]);
+        let (low, high) = ([left.min(column), bottom.min(row)], [right.max(column), top.max(row)]);
+        let [columns, rows] = [0, 1].map(|axis| u64::from(high[axis].abs_diff(low[axis])) + 1);
+        let is_near = [low, high].as_flattened().iter().all(|place| place.unsigned_abs() < FARTHEST_TILE);
+        (is_near && columns * rows <= MOST_ENCLOSED).then_some([low, high])
+    }
+
     /// The known part of the grid as a rectangle.
     #[must_use]
     #[expect(clippy::cast_sign_loss, reason = "differences from the minimum")]
     pub fn raster(&self) -> Raster {
         let percent = percents();
-        let columns = self.places.keys().map(|key| key.0);
-        let rows = self.places.keys().map(|key| key.1);
-        let (Some(left), Some(right)) = (columns.clone().min(), columns.max()) else { return Raster::default() };
-        let (Some(bottom), Some(top)) = (rows.clone().min(), rows.max()) else { return Raster::default() };
+        let Some([[left, bottom], [right, top]]) = self.extent else { return Raster::default() };
         let width = (right - left + 1) as usize * TILE;
         let height = (top - bottom + 1) as usize * TILE;
         let mut occupancy = vec![Raster::UNKNOWN; width * height];
@@ -346,6 +361,15 @@ mod tests {
         let mut far = grid.memory();
         far.tiles[0].column = i32::MIN;
         assert!(OccupancyGrid::restore(&far).is_err());
+    }
+
+    #[test]
+    fn a_cell_far_off_is_refused_and_not_drawn() {
+        let mut grid = OccupancyGrid::new(0.05);
+        grid.add(Cell { column: 0, row: 0 }, 90);
+        grid.add(grid.cell(Point::new(1e9, -1e9)), 90);
+        grid.add(Cell { column: 0, row: 900 }, 90);
+        assert_eq!((grid.tiles.len(), grid.refused(), grid.raster().height), (2, 1, 29 * TILE));
     }
 
     #[test]

@@ -193,7 +193,7 @@ impl Tracker {
                 nis_sum += measurement.innovation.powi(2) / self.filter.innovation_variance(&measurement);
                 seen += 1.0;
                 self.filter.update(&measurement);
-                self.walls[index].hits += 1;
+                self.walls[index].hits = self.walls[index].hits.saturating_add(1);
                 self.walls[index].last_sweep = sweep.index;
             }
         }
@@ -325,7 +325,7 @@ impl Tracker {
                 self.filter.merge(a, b, SAME_NOISE_M2);
                 self.walls[a].lo_m = one.lo_m.min(other.lo_m);
                 self.walls[a].hi_m = one.hi_m.max(other.hi_m);
-                self.walls[a].hits += other.hits;
+                self.walls[a].hits = one.hits.saturating_add(other.hits);
                 self.walls[a].first_sweep = one.first_sweep.min(other.first_sweep);
                 self.walls.swap_remove(b);
                 return;

@@ -2,6 +2,10 @@
 //!
 //! [`Tape`] is the recording as a state machine; this is the thread around it.
 
+#![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
+#![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
+#![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
+
 mod disk;
 mod tape;
 
@@ -76,12 +80,10 @@ impl Recorder {
     }
 
     /// Writes what waits and closes the file; what the recording lacks.
-    ///
-    /// # Panics
-    /// When the recording thread has.
     pub fn finish(self) -> Losses {
         drop(self.queue);
-        let mut losses = self.thread.join().expect("the recorder does not panic");
+        let failed = |_| Losses { chunks: 0, unfinished: Some("the recording's thread has failed".into()) };
+        let mut losses = self.thread.join().unwrap_or_else(failed);
         losses.chunks += self.dropped;
         losses
     }

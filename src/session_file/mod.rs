@@ -16,6 +16,10 @@
 //! its payload is looked at unless its length and checksum hold, and a length inside the payload never reserves more than the
 //! file holds: postcard passes no length on that exceeds the bytes left.
 
+#![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
+#![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
+#![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
+
 mod saver;
 
 pub use saver::Saver;
@@ -60,7 +64,7 @@ pub enum SessionFileError {
         found: u64,
     },
     /// More bytes than it says.
-    #[error("{} bytes follow its end at byte {expected}", found - expected)]
+    #[error("{} bytes follow its end at byte {expected}", found.saturating_sub(*expected))]
     Trailing {
         /// Bytes that the header promises.
         expected: u64,
@@ -120,13 +124,18 @@ pub enum FileError {
 /// # Panics
 /// Never: a memory is made of numbers and lists whose lengths are known.
 #[must_use]
+#[expect(
+    clippy::expect_used,
+    reason = "postcard refuses only lists of unknown length and full buffers, and a Vec grows"
+)]
 pub fn encode(memory: &Memory) -> Vec<u8> {
     let payload = postcard::to_allocvec(memory).expect("numbers and lists");
     let mut bytes = Vec::with_capacity(HEADER + payload.len());
     bytes.extend(MAGIC);
-    bytes.extend(VERSION.to_le_bytes());
-    bytes.extend((payload.len() as u64).to_le_bytes());
-    bytes.extend(checksum(&bytes[8..20], &payload).to_le_bytes());
+    let (version, length) = (VERSION.to_le_bytes(), (payload.len() as u64).to_le_bytes());
+    bytes.extend(version);
+    bytes.extend(length);
+    bytes.extend(checksum(version, length, &payload).to_le_bytes());
     bytes.extend(payload);
     bytes
 }
@@ -137,21 +146,20 @@ pub fn encode(memory: &Memory) -> Vec<u8> {
 /// Whatever is wrong with the bytes; never a panic, whatever they are.
 pub fn decode(bytes: &[u8]) -> Result<Memory, SessionFileError> {
     let found = bytes.len() as u64;
-    let Some((magic, rest)) = bytes.split_first_chunk::<8>().filter(|(magic, _)| **magic == MAGIC) else {
+    let Some((_, rest)) = bytes.split_first_chunk::<8>().filter(|(magic, _)| **magic == MAGIC) else {
         // What is there of the magic may still be right.
         let is_cut = !bytes.is_empty() && bytes.len() < MAGIC.len() && MAGIC.starts_with(bytes);
         let expected = HEADER as u64;
         return Err(if is_cut {
             SessionFileError::Truncated { expected, found }
         } else {
-            SessionFileError::Magic { found: bytes[..bytes.len().min(MAGIC.len())].into() }
+            SessionFileError::Magic { found: bytes.iter().take(MAGIC.len()).copied().collect() }
         });
     };
     let cut = SessionFileError::Truncated { expected: HEADER as u64, found };
     let Some((version, rest)) = rest.split_first_chunk() else { return Err(cut) };
-    let version = u32::from_le_bytes(*version);
-    if version != VERSION {
-        return Err(SessionFileError::Version { found: version });
+    if *version != VERSION.to_le_bytes() {
+        return Err(SessionFileError::Version { found: u32::from_le_bytes(*version) });
     }
     let Some((length, rest)) = rest.split_first_chunk() else { return Err(cut) };
     let Some((expected, payload)) = rest.split_first_chunk() else { return Err(cut) };
@@ -162,7 +170,7 @@ pub fn decode(bytes: &[u8]) -> Result<Memory, SessionFileError> {
     if whole < found {
         return Err(SessionFileError::Trailing { expected: whole, found });
     }
-    let (expected, computed) = (u32::from_le_bytes(*expected), checksum(&bytes[magic.len()..20], payload));
+    let (expected, computed) = (u32::from_le_bytes(*expected), checksum(*version, *length, payload));
     if expected != computed {
         return Err(SessionFileError::Checksum { expected, computed });
     }
@@ -173,9 +181,10 @@ pub fn decode(bytes: &[u8]) -> Result<Memory, SessionFileError> {
     }
 }
 
-fn checksum(header: &[u8], payload: &[u8]) -> u32 {
+fn checksum(version: [u8; 4], length: [u8; 8], payload: &[u8]) -> u32 {
     let mut digest = CHECKSUM.digest();
-    digest.update(header);
+    digest.update(&version);
+    digest.update(&length);
     digest.update(payload);
     digest.finalize()
 }

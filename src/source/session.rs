@@ -275,9 +275,11 @@ impl Session {
                 tracing::warn!("{:.1} s: {}", fault.at.seconds(), fault.reason);
                 let sensor = fault.sensor;
                 if self.faulty.len() <= sensor {
-                    self.faulty.resize(sensor + 1, None);
+                    self.faulty.resize(sensor.saturating_add(1), None);
                 }
-                self.faulty[sensor] = (fault.state != SensorState::Healthy).then_some(fault);
+                if let Some(known) = self.faulty.get_mut(sensor) {
+                    *known = (fault.state != SensorState::Healthy).then_some(fault);
+                }
             }
             Event::Position(PositionEvent { is_known: true, reason, .. }) => tracing::info!("{reason}"),
             Event::Position(PositionEvent { reason, .. }) => tracing::warn!("{reason}"),

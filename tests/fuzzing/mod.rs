@@ -4,22 +4,23 @@
 
 #![allow(dead_code, unreachable_pub, reason = "each test uses its part")]
 
+mod doors;
 mod mutation;
 
+pub use doors::*;
 use mutation::Mutator;
-use slamd::capture::{CaptureInfo, CaptureReader, CaptureWriter, Record};
+use slamd::capture::{CaptureInfo, CaptureWriter, Record};
 use slamd::config::{Config, Method};
-use slamd::event::{Event, Input, Output};
 use slamd::import::{carmen, ring};
-use slamd::pipeline::{Pipeline, Start};
+use slamd::memory::Memory;
+use slamd::pipeline::Pipeline;
 use slamd::session_file;
 use slamd::sim::fault::FaultMix;
 use slamd::sim::link::LinkFaults;
 use slamd::sim::simulation::{SimConfig, Simulation, session};
 use slamd::sim::sonar::BeamShape;
 use slamd::sim::world::World;
-use slamd::time::Timestamp;
-use slamd_protocol::{FrameDecoder, MAX_PAYLOAD, PayloadBuf, encode_frame};
+use slamd_protocol::FrameDecoder;
 use std::path::Path;
 
 /// The kinds of files that slamd reads.
@@ -48,16 +49,6 @@ pub struct Corpus {
     world: String,
     ring: String,
     carmen: String,
-}
-
-/// What came of an input.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Outcome {
-    pub bytes: u64,
-    pub frames: u64,
-    pub sweeps: u64,
-    pub outputs: u64,
-    pub accepted: bool,
 }
 
 const SENSORS: u8 = 16;
@@ -106,30 +97,41 @@ impl Corpus {
         }
     }
 
+    /// What the drive is remembered by.
+    pub fn memory(&self) -> Memory {
+        session_file::decode(&self.session).expect("sound")
+    }
+
+    /// The beginning of the drive.
+    pub fn start(&self) -> &[Record] {
+        &self.drive[..FILE_RECORDS]
+    }
+
+    /// The whole drive, once more.
+    pub fn drive(&self, pipeline: &mut Pipeline) {
+        self.drive.iter().for_each(|record| feed(pipeline, record));
+    }
+
+    /// What each fuzz target begins with.
+    pub fn seeds(&self) -> [(&'static str, Vec<Vec<u8>>); 5] {
+        let pieces = |frames: &[(u8, Vec<u8>)]| -> Vec<u8> {
+            frames.iter().flat_map(|(kind, payload)| piece(*kind, payload)).collect()
+        };
+        let map = postcard::to_allocvec(&self.memory().map).expect("numbers and lists");
+        [
+            ("line", self.frames.chunks(self.frames.len().div_ceil(8)).map(pieces).collect()),
+            ("capture", self.captures.clone()),
+            ("session", vec![self.session[session_file::HEADER..].to_vec()]),
+            ("config", self.configs.iter().map(|text| text.clone().into_bytes()).collect()),
+            ("map", vec![map]),
+        ]
+    }
+
     /// Raw bytes into the pipeline: a drive in which frames are damaged behind their checksums, frames of random content, and noise.
     pub fn bytes(&self, count: u64, seed: u64) -> Outcome {
         let mut mutator = Mutator::new(seed);
         let method = if seed % 4 == 3 { Method::Paper } else { Method::Walls };
-        let mut pipeline = Pipeline::new(&Config { method, ..Config::default() });
-        let (mut outcome, mut at) = (Outcome::default(), Timestamp::default());
-        let mut last = Timestamp::default();
-        let mut give = |bytes: &[u8], pipeline: &mut Pipeline, outcome: &mut Outcome| {
-            // As fast as the line is.
-            at = at + std::time::Duration::from_micros(87 * bytes.len() as u64);
-            outcome.bytes += bytes.len() as u64;
-            if pipeline.next_deadline() <= at {
-                pipeline.handle(Input::Tick { at });
-            }
-            pipeline.handle(Input::Received { at, bytes });
-            while let Some(output) = pipeline.poll_output() {
-                outcome.outputs += 1;
-                if let Output::Event(Event::Estimate(estimate)) = output {
-                    assert!(estimate.at >= last, "time ran back");
-                    assert!(estimate.pose.x_m.is_finite() && estimate.pose.theta_rad.is_finite());
-                    last = estimate.at;
-                }
-            }
-        };
+        let mut line = Line::new(&Config { method, ..Config::default() });
         for (i, (kind, payload)) in self.frames.iter().enumerate() {
             let (mut kind, mut payload) = (*kind, payload.clone());
             if i > 10 && mutator.chance(0.01) {
@@ -138,23 +140,18 @@ impl Corpus {
             if i > 10 && mutator.chance(0.001) {
                 kind = mutator.noise(1)[0];
             }
-            give(&framed(kind, i, &payload), &mut pipeline, &mut outcome);
+            line.give(&framed(kind, i, &payload));
         }
-        let wild = outcome.bytes + (count - outcome.bytes.min(count)) / 16;
-        while outcome.bytes < wild {
+        let wild = line.outcome.bytes + (count - line.outcome.bytes.min(count)) / 16;
+        while line.outcome.bytes < wild {
             let (kind, payload) = &self.frames[mutator.below(self.frames.len())];
             let (payload, number) = (mutator.bytes(payload.clone(), 6), mutator.below(256));
-            let frame = framed(*kind, number, &payload);
-            give(&frame, &mut pipeline, &mut outcome);
+            line.give(&framed(*kind, number, &payload));
         }
-        while outcome.bytes < count {
-            let noise = mutator.noise(1_024);
-            give(&noise, &mut pipeline, &mut outcome);
+        while line.outcome.bytes < count {
+            line.give(&mutator.noise(1_024));
         }
-        let counters = pipeline.counters();
-        (outcome.frames, outcome.sweeps) = (counters.frames, counters.sweeps);
-        let _ = pipeline.memory();
-        outcome
+        line.end()
     }
 
     /// A file of a kind, made worse and read; where it is accepted it is used.
@@ -168,11 +165,7 @@ impl Corpus {
             Kind::Session => read_session(&session_bytes(&mut mutator, &self.session)),
             Kind::Config => {
                 let config = self.configs[mutator.below(self.configs.len())].clone();
-                Config::from_toml(&mutator.text(&config)).is_ok_and(|config| {
-                    let mut pipeline = Pipeline::new(&config);
-                    self.drive[..FILE_RECORDS].iter().for_each(|record| feed(&mut pipeline, record));
-                    Config::from_toml(&config.to_toml()).expect("what is written is read") == config
-                })
+                read_config(&mutator.text(&config), self.start())
             }
             Kind::World => World::from_toml("fuzz.toml", &mutator.text(&self.world)).is_ok(),
             Kind::Ring | Kind::Carmen => {
@@ -192,54 +185,6 @@ impl Corpus {
     }
 }
 
-fn received(record: &Record) -> &[u8] {
-    match record {
-        Record::Received { bytes, .. } => bytes,
-        _ => &[],
-    }
-}
-
-fn framed(kind: u8, number: usize, payload: &[u8]) -> Vec<u8> {
-    let mut buffer = PayloadBuf::default();
-    buffer.extend(payload.iter().copied().take(MAX_PAYLOAD));
-    encode_frame(kind, number.to_le_bytes()[0], &buffer).to_vec()
-}
-
-fn feed(pipeline: &mut Pipeline, record: &Record) {
-    match record {
-        Record::Received { at, bytes } => pipeline.handle(Input::Received { at: *at, bytes }),
-        Record::Sent { at, bytes } => pipeline.handle(Input::Sent { at: *at, bytes }),
-        Record::Truth { .. } => {}
-    }
-    while pipeline.poll_output().is_some() {}
-}
-
-/// Reads a capture and replays what it holds. True where it opens.
-pub fn read_capture(bytes: &[u8]) -> bool {
-    let Ok(mut reader) = CaptureReader::begin(bytes, Path::new("fuzz.mcap")) else { return false };
-    let mut pipeline = Pipeline::new(&Config::from_toml(&reader.info().config_toml).unwrap_or_default());
-    let (mut last, mut given) = (Timestamp::default(), 0);
-    for record in reader.by_ref().map_while(Result::ok) {
-        assert!(record.at() >= last, "time ran back");
-        last = record.at();
-        given += received(&record).len();
-        feed(&mut pipeline, &record);
-    }
-    assert!(given <= bytes.len(), "more came out than there is");
-    true
-}
-
-/// Reads a session and goes on with it. True where it can be read.
-pub fn read_session(bytes: &[u8]) -> bool {
-    let Ok(memory) = session_file::decode(bytes) else { return false };
-    for start in [Start::Resume(Box::new(memory.clone())), Start::Localize(Box::new(memory))] {
-        if let Ok(mut pipeline) = Pipeline::begin(&Config::default(), start) {
-            let _ = (pipeline.memory(), pipeline.raster(), pipeline.poll_output());
-        }
-    }
-    true
-}
-
 /// A session made worse, in every other case with a checksum that holds.
 fn session_bytes(mutator: &mut Mutator, session: &[u8]) -> Vec<u8> {
     let head = mutator.chance(0.7);
@@ -251,14 +196,6 @@ fn session_bytes(mutator: &mut Mutator, session: &[u8]) -> Vec<u8> {
         reseal(&mut bytes);
     }
     bytes
-}
-
-fn reseal(bytes: &mut [u8]) {
-    let length = (bytes.len() - session_file::HEADER) as u64;
-    bytes[12..20].copy_from_slice(&length.to_le_bytes());
-    let crc = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
-    let crc = crc.checksum(&[&bytes[8..20], &bytes[session_file::HEADER..]].concat());
-    bytes[20..24].copy_from_slice(&crc.to_le_bytes());
 }
 
 fn capture(records: &[Record]) -> Vec<u8> {

@@ -18,9 +18,9 @@ impl<const N: usize> Text<N> {
     /// As much of `bytes` as fits, in whole characters and up to the first zero, without what is not UTF-8.
     #[must_use]
     pub fn from_bytes(bytes: &[u8]) -> Self {
-        let end = bytes.iter().position(|&byte| byte == 0).unwrap_or(bytes.len());
+        let bytes = bytes.split(|&byte| byte == 0).next().unwrap_or_default();
         let mut text = ArrayString::new();
-        for letter in bytes[..end].utf8_chunks().flat_map(|chunk| chunk.valid().chars()) {
+        for letter in bytes.utf8_chunks().flat_map(|chunk| chunk.valid().chars()) {
             if text.try_push(letter).is_err() {
                 break;
             }

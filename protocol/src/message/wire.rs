@@ -69,6 +69,7 @@ impl<'a> Reader<'a> {
 pub(super) struct Writer<'a>(pub(super) &'a mut PayloadBuf);
 
 impl Writer<'_> {
+    #[expect(clippy::expect_used, reason = "`the_fullest_messages_fit`, and nothing that was read gets here")]
     pub(super) fn bytes(&mut self, bytes: &[u8]) -> &mut Self {
         self.0.try_extend_from_slice(bytes).expect("the types bound every message to a payload's length");
         self
@@ -105,5 +106,28 @@ impl Writer<'_> {
             *byte = letter;
         }
         self.bytes(&padded)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Echo, Geometry, Log, MAX_ECHOES, MAX_PLACEMENTS, Message, Placement, SensorEcho, Sonar, Text};
+    use crate::frame::{MAX_PAYLOAD, PayloadBuf};
+
+    /// All other messages are shorter than HELLO's 63 bytes, or are that.
+    #[test]
+    fn the_fullest_messages_fit() {
+        let echoes = [SensorEcho { sensor: 0, echo: Echo::NoEcho }; MAX_ECHOES].into();
+        let sonar = Sonar { t_us: 0, group: 0, last_of_cycle: true, left_ticks: 0, right_ticks: 0, echoes };
+        let places = [Placement::default(); MAX_PLACEMENTS];
+        let geometry = Geometry::new(u8::MAX, 0, &places).unwrap();
+        let log = Log { level: 0, text: Text::from_bytes(&[b'x'; MAX_PAYLOAD]) };
+        let mut payload = PayloadBuf::new();
+        for (message, length) in
+            [(Message::Sonar(sonar), 242), (Message::Geometry(geometry), 236), (Message::Log(log), MAX_PAYLOAD)]
+        {
+            message.emit(&mut payload);
+            assert_eq!(payload.len(), length);
+        }
     }
 }

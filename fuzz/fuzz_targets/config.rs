@@ -1,0 +1,14 @@
+//! A robot's configuration, and a drive with it.
+#![no_main]
+
+#[path = "../../tests/fuzzing/mod.rs"]
+mod fuzzing;
+
+use fuzzing::Corpus;
+use std::sync::LazyLock;
+
+static CORPUS: LazyLock<Corpus> = LazyLock::new(Corpus::new);
+
+libfuzzer_sys::fuzz_target!(|text: &str| {
+    fuzzing::read_config(text, CORPUS.start());
+});

@@ -1,0 +1,10 @@
+//! A session file, as it is and behind a checksum that holds.
+#![no_main]
+
+#[path = "../../tests/fuzzing/mod.rs"]
+mod fuzzing;
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    fuzzing::read_session(bytes);
+    fuzzing::read_sealed_session(bytes);
+});

@@ -1,0 +1,19 @@
+//! Writes what each fuzz target begins with into `fuzz/corpus/`.
+
+#[path = "../tests/fuzzing/mod.rs"]
+mod fuzzing;
+
+use std::path::Path;
+
+fn main() -> std::io::Result<()> {
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus");
+    for (target, seeds) in fuzzing::Corpus::new().seeds() {
+        let folder = corpus.join(target);
+        std::fs::create_dir_all(&folder)?;
+        for (number, seed) in seeds.iter().enumerate() {
+            std::fs::write(folder.join(format!("seed-{number}")), seed)?;
+        }
+        println!("{target}: {} seeds, {} bytes", seeds.len(), seeds.iter().map(Vec::len).sum::<usize>());
+    }
+    Ok(())
+}

@@ -1,0 +1,83 @@
+//! The systemd unit: systemd understands it, it leaves little open, and what it starts is what the program takes.
+
+#![allow(clippy::unwrap_used, reason = "a test may")]
+
+use slamd::cli::Kind;
+use std::path::Path;
+use std::process::{Command, Output};
+
+const UNIT: &str = include_str!("../configs/systemd/slamd.service");
+/// Where the unit expects the program.
+const INSTALLED: &str = "/usr/local/bin/slamd";
+/// Tenths of systemd's measure of exposure, from 0 to 100. What is left: serial ports, their group, and sockets in a network of its own.
+const MOST_EXPOSED: &str = "15";
+
+/// What `systemd-analyze` says of a unit whose program is there; none where there is no systemd.
+fn analyze(unit: &str, arguments: &[&str]) -> Option<Output> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("slamd.service");
+    std::fs::write(&path, unit.replace(INSTALLED, env!("CARGO_BIN_EXE_slamd"))).unwrap();
+    match Command::new("systemd-analyze").args(arguments).arg(&path).env("SYSTEMD_COLORS", "0").output() {
+        Ok(output) => Some(output),
+        Err(error) => {
+            println!("not tested: systemd-analyze cannot be run ({error}); Debian's package is systemd");
+            None
+        }
+    }
+}
+
+/// What systemd has to say against a unit.
+fn complaints(unit: &str) -> Option<String> {
+    let output = analyze(unit, &["verify", "--man=no", "--recursive-errors=no"])?;
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success() || !text.is_empty(), "a failure without words");
+    Some(text)
+}
+
+#[test]
+fn systemd_understands_every_line() {
+    let Some(found) = complaints(UNIT) else { return };
+    assert_eq!(found, "");
+    let misspelt = UNIT.replace("NoNewPrivileges=", "NoNewPrivilege=");
+    assert!(complaints(&misspelt).unwrap().contains("NoNewPrivilege"), "a misspelt key is not noticed");
+}
+
+#[test]
+fn little_is_left_open() {
+    let arguments = ["security", "--offline=true", "--no-pager", &format!("--threshold={MOST_EXPOSED}")];
+    let Some(output) = analyze(UNIT, &arguments) else { return };
+    let report = String::from_utf8_lossy(&output.stdout);
+    println!("{}", report.lines().last().unwrap_or_default());
+    assert!(output.status.success(), "{report}{}", String::from_utf8_lossy(&output.stderr));
+    let open = UNIT.replace("SystemCallFilter=", "#").replace("ProtectSystem=strict", "ProtectSystem=no");
+    assert!(!analyze(&open, &arguments).unwrap().status.success(), "an open unit is not noticed");
+}
+
+fn setting(key: &str) -> &'static str {
+    let mut lines = UNIT.lines().filter_map(|line| line.strip_prefix(key)?.strip_prefix('='));
+    lines.next().unwrap_or_else(|| panic!("the unit has no {key}"))
+}
+
+#[test]
+fn it_is_not_started_again_where_that_cannot_help() {
+    let hopeless = [Kind::Usage, Kind::Data, Kind::NoInput, Kind::CantCreate, Kind::Config];
+    let codes: Vec<String> = hopeless.iter().map(|kind| (*kind as u8).to_string()).collect();
+    assert_eq!(setting("RestartPreventExitStatus"), codes.join(" "));
+    assert_eq!(setting("Restart"), "on-failure");
+}
+
+#[test]
+fn the_program_takes_the_unit_s_arguments() {
+    let mut words = setting("ExecStart").split_whitespace();
+    assert_eq!(words.next(), Some(INSTALLED));
+    let arguments: Vec<&str> = words.collect();
+    assert!(Path::new(env!("CARGO_BIN_EXE_slamd")).exists() && arguments.contains(&"--port"));
+    let takes = |extra: &[&str]| {
+        let program = Command::new(env!("CARGO_BIN_EXE_slamd")).args(&arguments).args(extra).arg("--help").output();
+        program.unwrap().status.success()
+    };
+    assert!(takes(&[]) && !takes(&["--nonsense"]));
+    let state = format!("/var/lib/{}/", setting("StateDirectory"));
+    let written = arguments.iter().filter(|argument| argument.starts_with("/var/"));
+    assert!(written.clone().count() > 0 && written.clone().all(|path| path.starts_with(&state)), "{arguments:?}");
+}
