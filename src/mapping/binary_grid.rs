@@ -11,7 +11,7 @@
 //!
 //! Cells live in tiles of 64 cm that are made on touch, up to a bound; what was refused is counted.
 
-use super::raster::Raster;
+use super::raster::{MOST_CELLS, Raster};
 use crate::geometry::{Point, Pose2};
 use std::collections::BTreeMap;
 
@@ -24,8 +24,6 @@ const MOST_TILES: usize = 65_536;
 const TILE: i32 = 64;
 /// Cells along the side of a square that is free as a whole.
 const SQUARE: i32 = 8;
-/// Cells of a raster at most.
-const MOST_RASTER_CELLS: usize = 1 << 25;
 
 /// Column and row of a tile or of a cell.
 type Index = (i32, i32);
@@ -86,7 +84,7 @@ impl BinaryGrid {
     }
 
     /// The map drawn over all tiles: occupied 100, crossed by a beam 0, else unknown. Cells are 1 cm, doubled until there are no more
-    /// than 33 million: a lost robot's map may be large. An empty grid gives an empty raster.
+    /// than [`MOST_CELLS`]: a lost robot's map may be large. An empty grid gives an empty raster.
     #[must_use]
     pub fn raster(&self) -> Raster {
         let Some(((left, right), (bottom, top))) = self.bounds() else {
@@ -96,7 +94,7 @@ impl BinaryGrid {
         let side = |low: i32, high: i32, merge: i32| {
             usize::try_from(((high - low + 1) * TILE + merge - 1) / merge).expect("tiles are in order")
         };
-        while side(left, right, merge) * side(bottom, top, merge) > MOST_RASTER_CELLS {
+        while side(left, right, merge) * side(bottom, top, merge) > MOST_CELLS {
             merge *= 2;
         }
         let (width, height) = (side(left, right, merge), side(bottom, top, merge));
@@ -275,7 +273,7 @@ mod tests {
                 grid.mark(Pose2::default(), Point::new(far, far), Point::new(far, far));
             }
             let raster = grid.raster();
-            assert!(raster.width * raster.height <= MOST_RASTER_CELLS && raster.cell_m > CELL_M);
+            assert!(raster.width * raster.height <= MOST_CELLS && raster.cell_m > CELL_M);
             assert_eq!((at(&raster, -most, -most), at(&raster, most, most)), (100, 100));
         }
     }

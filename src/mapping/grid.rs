@@ -5,11 +5,11 @@
 
 mod patch;
 mod ray;
+mod whole;
 
 pub use patch::{MapChange, Patch, percents};
 pub use ray::{Ray, Reader};
 
-use super::raster::Raster;
 use crate::geometry::Point;
 use crate::memory::{Impossible, MapMemory, TileMemory};
 use rustc_hash::FxHashMap;
@@ -19,8 +19,8 @@ const SIDE: i32 = 32;
 const TILE: usize = SIDE.unsigned_abs() as usize;
 /// Tiles at most: 10,000 m² of 5 cm cells take about 4,000.
 const MAX_TILES: usize = 16_384;
-/// The rectangle round all tiles holds no more: 400 m by 400 m of 5 cm cells. One tile far off must not make it a sea of memory.
-const MOST_ENCLOSED: u64 = 1 << 16;
+/// The rectangle round all tiles holds no more: 1.3 km² of 5 cm cells. One tile far off must not make the picture of all of them useless.
+const MOST_ENCLOSED: u64 = 1 << 19;
 /// No tile lies farther from the origin: no cell does, see [`OccupancyGrid::cell`].
 const FARTHEST_TILE: u32 = 4_000_000;
 /// Log-odds are clamped here, in hundredths: p from 0.04 to 0.98.
@@ -267,28 +267,6 @@ impl OccupancyGrid {
         let is_near = [low, high].as_flattened().iter().all(|place| place.unsigned_abs() < FARTHEST_TILE);
         (is_near && columns * rows <= MOST_ENCLOSED).then_some([low, high])
     }
-
-    /// The known part of the grid as a rectangle.
-    #[must_use]
-    #[expect(clippy::cast_sign_loss, reason = "differences from the minimum")]
-    pub fn raster(&self) -> Raster {
-        let percent = percents();
-        let Some([[left, bottom], [right, top]]) = self.extent else { return Raster::default() };
-        let width = (right - left + 1) as usize * TILE;
-        let height = (top - bottom + 1) as usize * TILE;
-        let mut occupancy = vec![Raster::UNKNOWN; width * height];
-        for (&(column, row), &tile) in &self.places {
-            let corner = (row - bottom) as usize * TILE * width + (column - left) as usize * TILE;
-            for (y, cells) in self.tiles[tile].cells.chunks_exact(TILE).enumerate() {
-                let line = &mut occupancy[corner + y * width..][..TILE];
-                for (target, &value) in line.iter_mut().zip(cells).filter(|(_, value)| **value != 0) {
-                    *target = percent[(value - FLOOR) as usize];
-                }
-            }
-        }
-        let origin = Point::new(f64::from(left * SIDE) * self.cell_m, f64::from(bottom * SIDE) * self.cell_m);
-        Raster { width, height, cell_m: self.cell_m, origin, occupancy }
-    }
 }
 
 const fn tile_of(cell: Cell) -> (i32, i32) {
@@ -309,6 +287,7 @@ const fn bit_in_tile(cell: Cell) -> (usize, u32) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mapping::raster::MOST_CELLS;
     use proptest::prelude::*;
 
     proptest! {
@@ -370,6 +349,20 @@ mod tests {
         grid.add(grid.cell(Point::new(1e9, -1e9)), 90);
         grid.add(Cell { column: 0, row: 900 }, 90);
         assert_eq!((grid.tiles.len(), grid.refused(), grid.raster().height), (2, 1, 29 * TILE));
+    }
+
+    #[test]
+    fn a_large_map_is_drawn_coarser() {
+        let mut grid = OccupancyGrid::new(0.05);
+        let [near, far] = [Point::new(-450.0, -450.0), Point::new(450.0, 450.0)];
+        for point in [near, far] {
+            grid.add(grid.cell(point), 400);
+        }
+        let raster = grid.raster();
+        let at = |point| raster.cell(point).map(|(column, row)| raster.occupancy[row * raster.width + column]);
+        assert!(raster.occupancy.len() <= MOST_CELLS && raster.cell_m > 0.05);
+        assert_eq!(raster.occupancy.iter().filter(|&&value| value > 90).count(), 2);
+        assert!(at(near) > Some(90) && at(far) > Some(90));
     }
 
     #[test]

@@ -2,6 +2,9 @@
 
 use crate::geometry::Point;
 
+/// Cells of a raster at most: 200 m by 200 m at 5 cm. A larger map is drawn coarser.
+pub const MOST_CELLS: usize = 1 << 24;
+
 /// A rectangle of cells in the map frame, with the values of a ROS `OccupancyGrid`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Raster {
