@@ -43,6 +43,7 @@ pub mod session_file;
 pub mod sim;
 pub mod source;
 
+pub mod api;
 pub mod bench;
 pub mod cli;
 pub mod daemon;

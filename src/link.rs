@@ -347,7 +347,8 @@ impl Link {
             return None;
         }
         let text: String = self.sample.iter().copied().filter(is_text).map(char::from).collect();
-        let line = text.lines().map(str::trim).max_by_key(|line| line.len()).unwrap_or_default();
+        let line =
+            text.split(|c: char| c.is_control()).map(str::trim).max_by_key(|line| line.len()).unwrap_or_default();
         Some(line.chars().take(40).collect())
     }
 

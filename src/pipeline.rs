@@ -286,8 +286,7 @@ impl Pipeline {
                 }
             }
             Message::Log(log) => {
-                let text = log.text.chars().filter(|c| !c.is_control()).collect();
-                events.push(Event::BoardLog { at, text });
+                events.push(Event::BoardLog { at, text: log.text.to_string() });
             }
             _ => {}
         }

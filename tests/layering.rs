@@ -77,6 +77,7 @@ const TABLE: &[(&str, &[&str], bool)] = &[
         true,
     ),
     ("viewer", &["time", "geometry", "sweep", "event", "mapping", "metrics", "monitor", "pipeline", "source"], true),
+    ("api", &["time", "geometry", "event", "link", "mapping", "pipeline", "source", "publish"], true),
     ("recorder", &["time", "capture", "private"], true),
     ("port", &[], true),
     ("priority", &[], true),

@@ -1,5 +1,6 @@
 //! The command line.
 
+mod api;
 mod bench;
 mod calibrate;
 mod doctor;

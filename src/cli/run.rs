@@ -11,11 +11,19 @@ use crate::port::PortName;
 use crate::priority;
 use crate::publish::Summary;
 use crate::recorder::{Losses, Recorder};
+use crate::source::session::Session;
 use clap::Args;
 use std::time::{Duration, Instant};
 use tokio::runtime::Runtime;
 
+const EXAMPLES: &str = "Examples:
+  slamd --port auto --record drive.mcap             map, and keep what was read and written
+  slamd --port auto --listen & examples/watch.py    poses for another program (docs/api.md)
+  slamd --port auto --metrics                       http://127.0.0.1:9879/metrics for Prometheus, /healthz for a watchdog
+  slamd --port auto --listen 0.0.0.0:9878 --token-file token     for other machines, who must know the token";
+
 #[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
 pub(super) struct RunArgs {
     /// The board's serial port: a device, usb:VID:PID[:SERIAL], or auto for the only board there is; `slamd ports` lists them.
     #[arg(long, value_name = "PORT")]
@@ -45,6 +53,8 @@ pub(super) struct LiveArgs {
     realtime: bool,
     #[command(flatten)]
     pub(super) kept: KeptArgs,
+    #[command(flatten)]
+    api: super::api::ApiArgs,
     #[cfg(feature = "viewer")]
     #[command(flatten)]
     viewer: super::viewer::LiveViewerArgs,
@@ -102,9 +112,14 @@ impl LiveArgs {
         observe: &mut Observer<'_>,
     ) -> Result<Option<End>, Failure> {
         let options = Options { port, baud: self.baud, exit_on_hangup: self.exit_on_hangup };
+        let server = self.api.begin()?;
+        let mut tap = server.as_ref().map(|server| server.tap(&config.robot.name));
         let mut link = Link::new(self.baud);
         // Nothing is created, and no older recording overwritten, before the board's port is open.
-        let mut look = |link: &Link| observe(link, None);
+        let mut look = |link: &Link| {
+            tap.iter_mut().for_each(|tap| tap.look(link, None));
+            observe(link, None);
+        };
         let port = runtime.block_on(daemon::search(options, &mut link, shutdown, &mut look));
         let Some(port) = port.map_err(|trouble| Failure::new(Kind::Unavailable, trouble.to_string()))? else {
             return Ok(None);
@@ -112,6 +127,7 @@ impl LiveArgs {
         let mut session = self.kept.begin(config.clone(), &output.out)?;
         let mut saver = self.kept.saver();
         let (begin, info) = begin(&config);
+        tap.iter_mut().for_each(|tap| tap.begin(info.unix_zero_us));
         let mut recorder = self.record.begin(info.clone())?;
         #[cfg(feature = "viewer")]
         let watched = self.viewer.begin(&config.robot.name, info.unix_zero_us)?;
@@ -124,9 +140,14 @@ impl LiveArgs {
             tracing::warn!("{trouble}");
         }
         let live = Live { begin, session: &mut session, recorder: &mut recorder, saver: &mut saver };
-        let run = daemon::run(options, port, &mut link, shutdown, live, observe);
+        let mut look = |link: &Link, session: Option<&Session>| {
+            tap.iter_mut().for_each(|tap| tap.look(link, session));
+            observe(link, session);
+        };
+        let run = daemon::run(options, port, &mut link, shutdown, live, &mut look);
         runtime.block_on(run);
         session.end();
+        drop(server);
         // Whatever went wrong, the map is kept.
         let saved = self.kept.save(saver, &session);
         let lacking = recorder.map(Recorder::finish).unwrap_or_default();

@@ -14,6 +14,9 @@ pub(super) struct LiveViewerArgs {
     /// installed viewer where there is a display; `slamd monitor` does not.
     #[arg(long, value_name = "WHERE")]
     viewer: Vec<Choice>,
+    /// Let --viewer serve listen on other addresses than this machine's own. Rerun asks nobody who they are.
+    #[arg(long)]
+    expose_viewer: bool,
 }
 
 /// Watching a replay.
@@ -24,6 +27,9 @@ pub(super) struct ReplayViewerArgs {
     /// anybody could look.
     #[arg(long, value_name = "WHERE")]
     viewer: Vec<Choice>,
+    /// Let --viewer serve listen on other addresses than this machine's own. Rerun asks nobody who they are.
+    #[arg(long)]
+    expose_viewer: bool,
 }
 
 /// A session that is over waits for its viewers no longer than this; a recording that was replayed has all the time.
@@ -52,6 +58,7 @@ impl LiveViewerArgs {
                 choices.push(Choice::Spawn);
             }
         }
+        hidden(&choices, self.expose_viewer)?;
         begin(&choices, robot, unix_zero_us, false)
     }
 }
@@ -63,6 +70,7 @@ impl ReplayViewerArgs {
     }
 
     pub(super) fn begin(&self, capture: &str, unix_zero_us: Option<u64>) -> Result<Watched, Failure> {
+        hidden(&self.viewer, self.expose_viewer)?;
         begin(&self.viewer, capture, unix_zero_us, true)
     }
 }
@@ -86,6 +94,24 @@ impl Watched {
         }
         drop(opened);
         Ok(())
+    }
+}
+
+/// Nobody is let in by mistake.
+fn hidden(choices: &[Choice], is_exposed: bool) -> Result<(), Failure> {
+    let open = choices.iter().find_map(|choice| match choice {
+        Choice::Serve(address) if !address.ip().is_loopback() => Some(address),
+        _ => None,
+    });
+    match open {
+        Some(address) if !is_exposed => Err(Failure::new(
+            Kind::Usage,
+            format!(
+                "--viewer serve={address} shows map and path to whoever reaches this machine's network, because Rerun knows no password: say \
+                 --expose-viewer if that is meant, or serve on 127.0.0.1 and come through `ssh -L`"
+            ),
+        )),
+        _ => Ok(()),
     }
 }
 

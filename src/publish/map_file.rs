@@ -27,14 +27,20 @@ fn pgm(raster: &Raster) -> Vec<u8> {
     let header = file.len();
     // Pictures begin at the top, rasters at the bottom.
     for row in raster.occupancy.chunks_exact(width).rev() {
-        file.extend(row.iter().map(|&percent| match percent {
-            0..=FREE_PERCENT => FREE,
-            OCCUPIED_PERCENT.. => OCCUPIED,
-            _ => UNKNOWN,
-        }));
+        file.extend(row.iter().map(|&percent| grey(percent)));
     }
     file.resize(header + width * height, UNKNOWN);
     file
+}
+
+/// The grey of a cell of a raster.
+#[must_use]
+pub const fn grey(percent: i8) -> u8 {
+    match percent {
+        0..=FREE_PERCENT => FREE,
+        OCCUPIED_PERCENT.. => OCCUPIED,
+        _ => UNKNOWN,
+    }
 }
 
 fn yaml(raster: &Raster) -> String {

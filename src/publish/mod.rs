@@ -9,6 +9,7 @@ mod summary;
 mod track;
 mod trajectory;
 
+pub use map_file::grey;
 pub use picture::{Curve, Plot};
 pub use summary::{Latency, Summary};
 

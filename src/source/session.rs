@@ -46,7 +46,9 @@ pub struct Session {
     pipeline: Pipeline,
     outputs: Outputs,
     transmit: Vec<Bytes>,
-    faulty: Vec<Option<FaultEvent>>,
+    /// The last change of each sensor's state.
+    changes: Vec<Option<FaultEvent>>,
+    is_lost: bool,
     estimate: Option<Estimate>,
     /// Whether the last input brought a pose.
     has_posed: bool,
@@ -62,9 +64,18 @@ impl Session {
     pub fn new(config: Config, folder: &Path) -> Result<Self, PublishError> {
         let pipeline = Pipeline::new(&config);
         let outputs = Outputs::create(folder)?;
-        let (transmit, faulty) = (Vec::new(), Vec::new());
-        let now = Timestamp::default();
-        Ok(Self { config, pipeline, outputs, transmit, faulty, estimate: None, has_posed: false, now, watcher: None })
+        Ok(Self {
+            config,
+            pipeline,
+            outputs,
+            transmit: Vec::new(),
+            changes: Vec::new(),
+            is_lost: false,
+            estimate: None,
+            has_posed: false,
+            now: Timestamp::default(),
+            watcher: None,
+        })
     }
 
     /// Lets somebody watch.
@@ -186,7 +197,19 @@ impl Session {
 
     /// The sensors that are faulty now, with the reason in words.
     pub fn faulty(&self) -> impl Iterator<Item = &FaultEvent> {
-        self.faulty.iter().flatten()
+        self.changes.iter().flatten().filter(|change| change.state != SensorState::Healthy)
+    }
+
+    /// The last change of each sensor's state, by id; none where it has not changed yet. Shorter than the ring where the last ones have not.
+    #[must_use]
+    pub fn changes(&self) -> &[Option<FaultEvent>] {
+        &self.changes
+    }
+
+    /// True while the poses are not to be relied on: what is heard contradicts the map, or the place in a known map is not known yet.
+    #[must_use]
+    pub fn is_lost(&self) -> bool {
+        self.is_lost
     }
 
     /// The newest pose.
@@ -227,7 +250,8 @@ impl Session {
             counters: self.pipeline.counters(),
             calibration: self.pipeline.calibration(),
         })?;
-        Ok((summary, self.faulty.into_iter().flatten().collect()))
+        let is_faulty = |change: &FaultEvent| change.state != SensorState::Healthy;
+        Ok((summary, self.changes.into_iter().flatten().filter(is_faulty).collect()))
     }
 
     #[expect(clippy::disallowed_methods, reason = "how long a sweep took is reported, and changes nothing")]
@@ -270,19 +294,28 @@ impl Session {
             Event::BoardReset { .. } => tracing::warn!("the board has restarted; map and pose go on"),
             Event::BoardTrouble { text, .. } => tracing::error!("board: {text}"),
             Event::BoardLog { text, .. } => tracing::info!("board says: {text}"),
-            Event::Lock(lock) => lock_line(&lock),
+            Event::Lock(lock) => {
+                self.is_lost = lock.change == LockChange::Lost;
+                lock_line(&lock);
+            }
             Event::Fault(fault) => {
                 tracing::warn!("{:.1} s: {}", fault.at.seconds(), fault.reason);
                 let sensor = fault.sensor;
-                if self.faulty.len() <= sensor {
-                    self.faulty.resize(sensor.saturating_add(1), None);
+                if self.changes.len() <= sensor {
+                    self.changes.resize(sensor.saturating_add(1), None);
                 }
-                if let Some(known) = self.faulty.get_mut(sensor) {
-                    *known = (fault.state != SensorState::Healthy).then_some(fault);
+                if let Some(change) = self.changes.get_mut(sensor) {
+                    *change = Some(fault);
                 }
             }
-            Event::Position(PositionEvent { is_known: true, reason, .. }) => tracing::info!("{reason}"),
-            Event::Position(PositionEvent { reason, .. }) => tracing::warn!("{reason}"),
+            Event::Position(PositionEvent { is_known, reason, .. }) => {
+                self.is_lost = !is_known;
+                if is_known {
+                    tracing::info!("{reason}");
+                } else {
+                    tracing::warn!("{reason}");
+                }
+            }
             Event::Estimate(estimate) => {
                 if self.estimate.is_none() {
                     tracing::info!("poses and map begin after {:.0} s", self.now.seconds());

@@ -9,6 +9,7 @@ mod mutation;
 
 pub use doors::*;
 use mutation::Mutator;
+use slamd::api::{Client, Snapshot, Token};
 use slamd::capture::{CaptureInfo, CaptureWriter, Record};
 use slamd::config::{Config, Method};
 use slamd::import::{carmen, ring};
@@ -20,6 +21,7 @@ use slamd::sim::link::LinkFaults;
 use slamd::sim::simulation::{SimConfig, Simulation, session};
 use slamd::sim::sonar::BeamShape;
 use slamd::sim::world::World;
+use slamd::time::Timestamp;
 use slamd_protocol::FrameDecoder;
 use std::path::Path;
 
@@ -32,10 +34,13 @@ pub enum Kind {
     World,
     Ring,
     Carmen,
+    /// Lines of a client of the API.
+    ApiLine,
 }
 
 impl Kind {
-    pub const ALL: [Self; 6] = [Self::Capture, Self::Session, Self::Config, Self::World, Self::Ring, Self::Carmen];
+    pub const ALL: [Self; 7] =
+        [Self::Capture, Self::Session, Self::Config, Self::World, Self::Ring, Self::Carmen, Self::ApiLine];
 }
 
 /// What is mutated: sound inputs of every kind.
@@ -167,6 +172,7 @@ impl Corpus {
                 let config = self.configs[mutator.below(self.configs.len())].clone();
                 read_config(&mutator.text(&config), self.start())
             }
+            Kind::ApiLine => read_requests(&mut mutator),
             Kind::World => World::from_toml("fuzz.toml", &mutator.text(&self.world)).is_ok(),
             Kind::Ring | Kind::Carmen => {
                 let config = Config::from_toml(&self.configs[0]).expect("sound");
@@ -196,6 +202,33 @@ fn session_bytes(mutator: &mut Mutator, session: &[u8]) -> Vec<u8> {
         reseal(&mut bytes);
     }
     bytes
+}
+
+/// Sound requests of a client.
+const REQUESTS: &str = "?WATCH={\"enable\":true,\"pose_hz\":5,\"sweep_hz\":0,\"map_hz\":0.2,\"stats_hz\":1};\n?POLL;\r\n?MAP;\n?VERSION;\n\
+                        ?TOKEN=\"correct-horse-battery-staple\";\n";
+
+/// Requests made worse, in pieces, to a client that takes little. True where all are understood.
+fn read_requests(mutator: &mut Mutator) -> bool {
+    let bytes = if mutator.chance(0.5) {
+        mutator.text(REQUESTS).into_bytes()
+    } else {
+        mutator.bytes(REQUESTS.as_bytes().to_vec(), 6)
+    };
+    let token = mutator.chance(0.2).then(|| Token::new("correct-horse-battery-staple"));
+    let mut client = Client::new(Timestamp::default(), token);
+    let (snapshot, map) = (Snapshot::default(), bytes::Bytes::from_static(b"{}\n"));
+    let mut at = Timestamp::default();
+    for piece in bytes.chunks(1 + mutator.below(64)) {
+        client.received(at, piece);
+        client.news(at, &snapshot, 1);
+        client.map(at, Some(&map));
+        let count = mutator.below(1 + client.outgoing().len());
+        client.wrote(at, count);
+        at = client.deadline().max(at);
+        client.tick(at);
+    }
+    bytes.split(|byte| *byte == b'\n').all(|line| slamd::api::parse(line).is_ok())
 }
 
 fn capture(records: &[Record]) -> Vec<u8> {

@@ -42,14 +42,21 @@ impl Daemon {
     ///
     /// # Panics
     /// When none comes in time.
-    #[expect(clippy::disallowed_methods, reason = "the test measures in real time")]
     pub fn expect(&mut self, words: &str, within: Duration) -> Instant {
+        self.line(words, within).0
+    }
+
+    /// The same, with the line.
+    ///
+    /// # Panics
+    /// When none comes in time.
+    #[expect(clippy::disallowed_methods, reason = "the test measures in real time")]
+    pub fn line(&mut self, words: &str, within: Duration) -> (Instant, String) {
         let end = Instant::now() + within;
         while let Ok((at, line)) = self.lines.recv_timeout(end.saturating_duration_since(Instant::now())) {
-            let is_it = line.contains(words);
-            self.log.push(line);
-            if is_it {
-                return at;
+            self.log.push(line.clone());
+            if line.contains(words) {
+                return (at, line);
             }
         }
         panic!("no line with \"{words}\" within {within:?}; the log so far:\n{}", self.log.join("\n"));

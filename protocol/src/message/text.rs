@@ -1,32 +1,39 @@
-//! Text of bounded length.
+//! Text of bounded length that may be shown: it moves no cursor and turns no line round.
 
 use arrayvec::ArrayString;
 use core::fmt;
 use core::ops::Deref;
 
-/// At most `N` bytes of UTF-8 without a zero byte, which would end it on the wire.
+/// At most `N` bytes of UTF-8 without control characters.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
 pub struct Text<const N: usize>(ArrayString<N>);
 
 impl<const N: usize> Text<N> {
-    /// As much of `text` as fits, in whole characters and up to the first NUL.
+    /// As much of `text` as fits, as [`Text::from_bytes`] reads it.
     #[must_use]
     pub fn new(text: &str) -> Self {
         Self::from_bytes(text.as_bytes())
     }
 
-    /// As much of `bytes` as fits, in whole characters and up to the first zero, without what is not UTF-8.
+    /// As much of `bytes` as fits, in whole characters and up to the first zero, without what is not UTF-8 and without control characters:
+    /// a board's words go to terminals, logs and programs.
     #[must_use]
     pub fn from_bytes(bytes: &[u8]) -> Self {
         let bytes = bytes.split(|&byte| byte == 0).next().unwrap_or_default();
         let mut text = ArrayString::new();
-        for letter in bytes.utf8_chunks().flat_map(|chunk| chunk.valid().chars()) {
+        let letters = bytes.utf8_chunks().flat_map(|chunk| chunk.valid().chars());
+        for letter in letters.filter(|letter| !is_control(*letter)) {
             if text.try_push(letter).is_err() {
                 break;
             }
         }
         Self(text)
     }
+}
+
+/// Control characters, and those that break a line or turn it round (Unicode's bidirectional controls).
+fn is_control(letter: char) -> bool {
+    letter.is_control() || matches!(letter, '\u{200E}' | '\u{200F}' | '\u{2028}'..='\u{202E}' | '\u{2066}'..='\u{2069}')
 }
 
 impl<const N: usize> Deref for Text<N> {
@@ -64,5 +71,11 @@ mod tests {
     fn what_is_not_text_is_left_out() {
         assert_eq!(&*Text::<8>::from_bytes(b"a\xFFb\xC3"), "ab");
         assert_eq!(&*Text::<8>::from_bytes(b"ab\0cd"), "ab");
+    }
+
+    #[test]
+    fn nothing_moves_the_cursor() {
+        assert_eq!(&*Text::<16>::from_bytes(b"a\x1b[2Jb\r\nc\x7f\xC2\x9Bd"), "a[2Jbcd");
+        assert_eq!(&*Text::<16>::new("a\u{202E}b\u{2028}c\u{2066}d"), "abcd");
     }
 }

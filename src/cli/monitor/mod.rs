@@ -6,7 +6,7 @@ mod sampler;
 mod screen;
 
 use super::run::{LiveArgs, runtime};
-use super::{Failure, Kind, OutputArgs, replay, terminal};
+use super::{Failure, Kind, OutputArgs, api, replay, terminal};
 use crate::config::Config;
 use crate::daemon::{DaemonError, Shutdown};
 use crate::monitor::{Line, Look};
@@ -30,7 +30,7 @@ Needs 80 columns and 24 rows. Without a UTF-8 locale it draws in ASCII, with NO_
 
 /// What only a port has.
 #[cfg(feature = "viewer")]
-const CONFLICTS: [&str; 4] = ["baud", "record", "exit_on_hangup", "viewer"];
+const CONFLICTS: [&str; 5] = ["baud", "record", "exit_on_hangup", "viewer", "expose_viewer"];
 #[cfg(not(feature = "viewer"))]
 const CONFLICTS: [&str; 3] = ["baud", "record", "exit_on_hangup"];
 
@@ -42,7 +42,7 @@ pub(super) struct MonitorArgs {
     #[arg(long, value_name = "PORT")]
     port: Option<PortName>,
     /// Play this capture instead.
-    #[arg(long, value_name = "FILE", conflicts_with_all = CONFLICTS)]
+    #[arg(long, value_name = "FILE", conflicts_with_all = CONFLICTS, conflicts_with_all = api::NAMES)]
     capture: Option<PathBuf>,
     /// Play the capture so many times as fast as it was recorded.
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = speed, conflicts_with = "port")]

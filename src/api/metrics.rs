@@ -1,0 +1,84 @@
+//! What is counted, in the text format of Prometheus (version 0.0.4).
+
+use super::snapshot::Snapshot;
+use crate::link::LinkState;
+use std::fmt::Write as _;
+
+/// What the server itself has counted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Served {
+    /// Clients that are connected.
+    pub(super) clients: usize,
+    /// Those turned away because there were too many.
+    pub(super) refused: u64,
+    /// Those dropped because they were too slow.
+    pub(super) slow: u64,
+}
+
+/// All states of the line: each is a series, of which one is 1.
+const STATES: [LinkState; 6] = [
+    LinkState::Searching,
+    LinkState::Listening,
+    LinkState::Handshake,
+    LinkState::Streaming,
+    LinkState::Stale,
+    LinkState::Lost,
+];
+
+/// The page.
+pub(super) fn page(snapshot: &Snapshot, served: Served) -> String {
+    let mut page = String::new();
+    let counted = &snapshot.counters;
+    let counters = [
+        ("frames", "Frames whose checksum held.", counted.frames),
+        ("lost_frames", "Frames that the sequence numbers say are missing.", counted.lost_frames),
+        ("crc_errors", "Frames whose checksum did not hold.", counted.crc_errors),
+        ("malformed_frames", "Other frames that could not be decoded.", counted.malformed),
+        ("dropped_bytes", "Bytes that belong to no good frame.", counted.dropped_bytes),
+        ("unknown_frames", "Good frames of a type this version does not know.", counted.unknown),
+        ("refused_frames", "Good frames whose content was refused.", counted.refused),
+        ("echoed_frames", "The host's own messages, come back.", counted.echoed),
+        ("groups", "Fired groups of the ring that were used.", counted.groups),
+        ("board_restarts", "Restarts of the board.", counted.restarts),
+        ("sweeps", "Sweeps used.", counted.sweeps),
+        ("dropped_sweeps", "Sweeps given up because too much of them was missing.", counted.dropped_sweeps),
+        ("api_refused_clients", "Clients turned away because there were too many.", served.refused),
+        ("api_slow_clients", "Clients dropped because they were too slow.", served.slow),
+    ];
+    for (name, help, value) in counters {
+        family(&mut page, &format!("{name}_total"), "counter", help, [(String::new(), value as f64)]);
+    }
+    family(&mut page, "session_seconds", "gauge", "Session time.", [(String::new(), snapshot.at.seconds())]);
+    family(&mut page, "api_clients", "gauge", "Clients that are connected.", [(String::new(), served.clients as f64)]);
+    let state =
+        |state: LinkState| (format!("{{state=\"{}\"}}", state.word()), f64::from(u8::from(state == snapshot.link)));
+    family(&mut page, "link_state", "gauge", "1 for the state of the line to the board.", STATES.map(state));
+    family(&mut page, "sensors", "gauge", "Sensors of the ring.", [(String::new(), snapshot.ring.len() as f64)]);
+    let faulty = (0..snapshot.ring.len()).map(|sensor| {
+        let is_faulty = snapshot.faulty().any(|change| change.sensor == sensor);
+        (format!("{{sensor=\"{sensor}\"}}"), f64::from(u8::from(is_faulty)))
+    });
+    family(&mut page, "sensor_faulty", "gauge", "1 where a sensor is ignored.", faulty);
+    if let Some(estimate) = &snapshot.estimate {
+        let sigma = |i: usize| libm::sqrt(estimate.covariance[(i, i)]);
+        let position = libm::sqrt(estimate.covariance[(0, 0)] + estimate.covariance[(1, 1)]);
+        let is_lost = f64::from(u8::from(snapshot.is_lost));
+        let gauges = [
+            ("position_sigma_metres", "Standard deviation of the position.", position),
+            ("heading_sigma_radians", "Standard deviation of the heading.", sigma(2)),
+            ("position_lost", "1 while the poses are not to be relied on.", is_lost),
+        ];
+        for (name, help, value) in gauges {
+            family(&mut page, name, "gauge", help, [(String::new(), value)]);
+        }
+    }
+    page
+}
+
+fn family(page: &mut String, name: &str, kind: &str, help: &str, samples: impl IntoIterator<Item = (String, f64)>) {
+    let _ = writeln!(page, "# HELP slamd_{name} {help}\n# TYPE slamd_{name} {kind}");
+    for (labels, value) in samples {
+        // NaN is written as Prometheus reads it.
+        let _ = writeln!(page, "slamd_{name}{labels} {value}");
+    }
+}

@@ -1,0 +1,309 @@
+//! The lines that clients get. JSON has no NaN and no infinity: NaN is null, and a range says in a word what it is instead of a number.
+//! `docs/api.md` has a line for each field, and a test that compares.
+
+use super::request::Watch;
+use super::snapshot::Snapshot;
+use crate::event::{Counters, FaultEvent, SensorState, Verdict};
+use crate::geometry::Mounting;
+use crate::mapping::raster::Raster;
+use crate::publish::grey;
+use crate::time::Timestamp;
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use bytes::Bytes;
+use serde::Serialize;
+
+/// Version of the lines: another major version means other fields, another minor one means more of them.
+pub const MAJOR: u32 = 1;
+/// See [`MAJOR`].
+pub const MINOR: u32 = 0;
+
+/// A line for a client. Each field's unit is in its name; `docs/api.md` describes them.
+#[derive(Clone, Debug, Serialize)]
+#[serde(tag = "class", rename_all = "UPPERCASE")]
+#[expect(missing_docs, reason = "docs/api.md has a line for each field, and a test that compares")]
+pub enum Report<'a> {
+    Version { release: &'static str, api_major: u32, api_minor: u32 },
+    Watch(Watch),
+    Device(Device<'a>),
+    Pose(Pose),
+    Sweep(Sweep),
+    Map(Map),
+    Fault(Fault<'a>),
+    Stats(Stats),
+    Error { message: &'a str },
+}
+
+/// The line to the board, and who it is.
+#[derive(Clone, Debug, Serialize)]
+pub struct Device<'a> {
+    pub time_s: f64,
+    pub began_unix_s: Option<f64>,
+    pub robot: &'a str,
+    pub link: &'static str,
+    pub cause: &'a str,
+    pub board: Option<&'a str>,
+    pub firmware: Option<&'a str>,
+    pub protocol: Option<String>,
+    pub sensors: Vec<Sensor>,
+}
+
+/// Where a sensor sits.
+#[derive(Clone, Debug, Serialize)]
+pub struct Sensor {
+    pub x_m: f64,
+    pub y_m: f64,
+    pub bearing_rad: f64,
+    pub half_angle_rad: f64,
+}
+
+/// Where the robot is.
+#[derive(Clone, Debug, Serialize)]
+pub struct Pose {
+    pub time_s: f64,
+    pub sweep: u64,
+    pub x_m: f64,
+    pub y_m: f64,
+    pub theta_rad: f64,
+    pub covariance_m_rad: [[f64; 3]; 3],
+    pub odom_x_m: f64,
+    pub odom_y_m: f64,
+    pub odom_theta_rad: f64,
+    pub nis: f64,
+    pub is_lost: bool,
+}
+
+/// What the ring has heard.
+#[derive(Clone, Debug, Serialize)]
+pub struct Sweep {
+    pub time_s: f64,
+    pub sweep: u64,
+    pub ranges_m: Vec<Range>,
+    pub verdicts: Vec<&'static str>,
+}
+
+/// A range, or what it is instead of a number; none is null.
+#[derive(Clone, Debug, Serialize)]
+#[serde(untagged)]
+pub enum Range {
+    Metres(f64),
+    Word(&'static str),
+    None,
+}
+
+/// The map as a picture.
+#[derive(Clone, Debug, Serialize)]
+pub struct Map {
+    pub time_s: f64,
+    pub width: usize,
+    pub height: usize,
+    pub cell_m: f64,
+    pub origin_x_m: f64,
+    pub origin_y_m: f64,
+    pub png_base64: String,
+}
+
+/// A sensor's state has changed.
+#[derive(Clone, Debug, Serialize)]
+pub struct Fault<'a> {
+    pub time_s: f64,
+    pub sensor: usize,
+    pub state: &'static str,
+    pub reason: &'a str,
+}
+
+/// What has been counted.
+#[derive(Clone, Debug, Serialize)]
+pub struct Stats {
+    pub time_s: f64,
+    pub clients: usize,
+    pub frames: u64,
+    pub lost_frames: u64,
+    pub crc_errors: u64,
+    pub malformed: u64,
+    pub dropped_bytes: u64,
+    pub unknown: u64,
+    pub refused: u64,
+    pub echoed: u64,
+    pub groups: u64,
+    pub restarts: u64,
+    pub sweeps: u64,
+    pub dropped_sweeps: u64,
+    pub faulty_sensors: usize,
+}
+
+impl<'a> Report<'a> {
+    /// Who serves.
+    #[must_use]
+    pub const fn version() -> Self {
+        Self::Version { release: env!("CARGO_PKG_VERSION"), api_major: MAJOR, api_minor: MINOR }
+    }
+
+    /// The line to the board as it is.
+    #[must_use]
+    pub fn device(snapshot: &'a Snapshot) -> Self {
+        let [board, firmware] = &snapshot.board;
+        Self::Device(Device {
+            time_s: rounded(snapshot.at.seconds()),
+            began_unix_s: snapshot.unix_zero_us.map(|us| rounded(Timestamp::from_us(us).seconds())),
+            robot: &snapshot.robot,
+            link: snapshot.link.word(),
+            cause: &snapshot.cause,
+            board: snapshot.protocol.map(|_| board.as_str()),
+            firmware: snapshot.protocol.map(|_| firmware.as_str()),
+            protocol: snapshot.protocol.map(|(major, minor)| format!("{major}.{minor}")),
+            sensors: snapshot.ring.mountings.iter().map(Sensor::new).collect(),
+        })
+    }
+
+    /// The newest pose; none before the first.
+    #[must_use]
+    pub fn pose(snapshot: &Snapshot) -> Option<Self> {
+        let estimate = snapshot.estimate.as_ref()?;
+        let (pose, odometry) = (estimate.pose, estimate.odometry);
+        let row = |row: usize| [0, 1, 2].map(|column| estimate.covariance[(row, column)]);
+        Some(Self::Pose(Pose {
+            time_s: rounded(estimate.at.seconds()),
+            sweep: estimate.sweep,
+            x_m: rounded(pose.x_m),
+            y_m: rounded(pose.y_m),
+            theta_rad: rounded(pose.theta_rad),
+            covariance_m_rad: [0, 1, 2].map(row),
+            odom_x_m: rounded(odometry.x_m),
+            odom_y_m: rounded(odometry.y_m),
+            odom_theta_rad: rounded(odometry.theta_rad),
+            nis: rounded(estimate.nis),
+            is_lost: snapshot.is_lost,
+        }))
+    }
+
+    /// The newest sweep; none before the first.
+    #[must_use]
+    pub fn sweep(snapshot: &Snapshot) -> Option<Self> {
+        Some(Self::Sweep(Sweep {
+            time_s: rounded(snapshot.sweep_at.seconds()),
+            sweep: snapshot.sweep?,
+            ranges_m: snapshot.ranges_m.iter().map(|&range_m| Range::new(range_m)).collect(),
+            verdicts: snapshot.verdicts.iter().map(|&verdict| word(verdict)).collect(),
+        }))
+    }
+
+    /// A sensor's state.
+    #[must_use]
+    pub fn fault(change: &'a FaultEvent) -> Self {
+        let state = match change.state {
+            SensorState::Healthy => "healthy",
+            SensorState::Faulty(kind) => kind.word(),
+        };
+        let time_s = rounded(change.at.seconds());
+        Self::Fault(Fault { time_s, sensor: change.sensor, state, reason: &change.reason })
+    }
+
+    /// What has been counted; `clients` are connected.
+    #[must_use]
+    pub fn stats(snapshot: &Snapshot, clients: usize) -> Self {
+        let Counters { frames, crc_errors, malformed, dropped_bytes, lost_frames, unknown, .. } = snapshot.counters;
+        let Counters { refused, echoed, groups, restarts, sweeps, dropped_sweeps, .. } = snapshot.counters;
+        Self::Stats(Stats {
+            time_s: rounded(snapshot.at.seconds()),
+            clients,
+            frames,
+            lost_frames,
+            crc_errors,
+            malformed,
+            dropped_bytes,
+            unknown,
+            refused,
+            echoed,
+            groups,
+            restarts,
+            sweeps,
+            dropped_sweeps,
+            faulty_sensors: snapshot.faulty().count(),
+        })
+    }
+
+    /// As sent, with its line feed.
+    ///
+    /// # Panics
+    /// Never: numbers, texts and lists have a JSON form.
+    #[must_use]
+    pub fn line(&self) -> Bytes {
+        let mut line = serde_json::to_vec(self).expect("numbers, texts and lists");
+        line.push(b'\n');
+        line.into()
+    }
+}
+
+impl Sensor {
+    fn new(mounting: &Mounting) -> Self {
+        let place = mounting.robot_from_sensor;
+        Self {
+            x_m: rounded(place.x_m),
+            y_m: rounded(place.y_m),
+            bearing_rad: rounded(place.theta_rad),
+            half_angle_rad: rounded(mounting.half_angle_rad),
+        }
+    }
+}
+
+impl Range {
+    fn new(range_m: f64) -> Self {
+        match range_m {
+            _ if range_m.is_finite() => Self::Metres(rounded(range_m)),
+            f64::INFINITY => Self::Word("clear"),
+            f64::NEG_INFINITY => Self::Word("near"),
+            _ => Self::None,
+        }
+    }
+}
+
+/// The map as a line; none where nothing is known of it.
+///
+/// # Errors
+/// As the picture's writer.
+pub fn map_line(at: Timestamp, raster: &Raster) -> Result<Option<Bytes>, png::EncodingError> {
+    if raster.occupancy.is_empty() {
+        return Ok(None);
+    }
+    let map = Map {
+        time_s: rounded(at.seconds()),
+        width: raster.width,
+        height: raster.height,
+        cell_m: raster.cell_m,
+        origin_x_m: rounded(raster.origin.x),
+        origin_y_m: rounded(raster.origin.y),
+        png_base64: STANDARD.encode(picture(raster)?),
+    };
+    Ok(Some(Report::Map(map).line()))
+}
+
+/// Grey, 8 bits, the top row first, with the greys of `map.pgm`.
+fn picture(raster: &Raster) -> Result<Vec<u8>, png::EncodingError> {
+    let side = |cells: usize| u32::try_from(cells).map_err(|_| png::EncodingError::LimitsExceeded);
+    let mut file = Vec::new();
+    let mut encoder = png::Encoder::new(&mut file, side(raster.width)?, side(raster.height)?);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::Fast);
+    let rows = raster.occupancy.chunks_exact(raster.width).rev().flatten();
+    let pixels: Vec<u8> = rows.map(|&percent| grey(percent)).collect();
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(&pixels)?;
+    writer.finish()?;
+    Ok(file)
+}
+
+const fn word(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Used => "used",
+        Verdict::Unexplained => "unexplained",
+        Verdict::Silent => "silent",
+        Verdict::Ignored => "ignored",
+    }
+}
+
+/// To a millionth: more digits say nothing.
+fn rounded(value: f64) -> f64 {
+    libm::round(value * 1e6) / 1e6
+}

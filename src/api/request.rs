@@ -1,0 +1,194 @@
+//! A line from a client → what it wants.
+//!
+//! A request is a line `?NAME;` or `?NAME=VALUE;`. The semicolon and a carriage return may be missing.
+
+use serde::{Deserialize, Serialize};
+
+/// A longer line is no request, bytes.
+pub const LONGEST_LINE: usize = 64 << 10;
+
+/// What a client may want.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Request {
+    /// `?VERSION;`: who serves.
+    Version,
+    /// `?POLL;`: all that is newest, except the map.
+    Poll,
+    /// `?MAP;`: the newest map.
+    Map,
+    /// `?WATCH={...};`: reports from now on.
+    Watch(Watch),
+    /// `?TOKEN="...";`: who asks may do so.
+    Token(String),
+}
+
+/// What is to be reported, and how often at most.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Watch {
+    /// False ends all reports.
+    pub enable: bool,
+    /// Poses per second; 0 for none.
+    pub pose_hz: f64,
+    /// Sweeps per second; 0 for none.
+    pub sweep_hz: f64,
+    /// Maps per second; 0 for none.
+    pub map_hz: f64,
+    /// Statistics per second; 0 for none.
+    pub stats_hz: f64,
+}
+
+impl Default for Watch {
+    fn default() -> Self {
+        Self { enable: true, pose_hz: 10.0, sweep_hz: 0.0, map_hz: 0.0, stats_hz: 0.0 }
+    }
+}
+
+/// A line that is no request.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum RequestError {
+    /// Another word than those.
+    #[error(
+        "unknown request: expected ?WATCH={{\"pose_hz\":5}};, ?POLL;, ?MAP;, ?VERSION; or ?TOKEN=\"...\";, one on a line"
+    )]
+    Unknown,
+    /// The bytes are not UTF-8.
+    #[error("the line is not UTF-8")]
+    NotText,
+    /// A value where none belongs.
+    #[error("?{0}; takes no value")]
+    Surplus(&'static str),
+    /// A value that is no JSON, or not the one that belongs there.
+    #[error("?{name}: {error}; expected {expected}")]
+    Value {
+        /// The request.
+        name: &'static str,
+        /// What is wrong.
+        error: String,
+        /// What would be right.
+        expected: &'static str,
+    },
+    /// A rate outside its range.
+    #[error("?WATCH: {key} = {value} is out of range: it must be 0, or from {LEAST_HZ} to {most}")]
+    Rate {
+        /// The rate.
+        key: &'static str,
+        /// As given.
+        value: String,
+        /// The most allowed.
+        most: u32,
+    },
+}
+
+/// Less than once in 1,000 s is never.
+const LEAST_HZ: f64 = 0.001;
+/// Sweeps come no faster; a map is copied whole and needs no more.
+const MOST_HZ: u32 = 50;
+const MOST_MAP_HZ: u32 = 1;
+/// Words of an error beyond this are cut: a client's own words are not sent back at length.
+const LONGEST_WORDS: usize = 120;
+
+const WATCH: &str = "an object with enable, pose_hz, sweep_hz, map_hz or stats_hz";
+const TOKEN: &str = "a JSON string";
+
+/// Reads a line without its line feed. None where it is blank.
+///
+/// # Errors
+/// What is wrong with it, and what is expected.
+pub fn parse(line: &[u8]) -> Result<Option<Request>, RequestError> {
+    let text = std::str::from_utf8(line).map_err(|_| RequestError::NotText)?.trim();
+    if text.is_empty() {
+        return Ok(None);
+    }
+    let text = text.strip_suffix(';').unwrap_or(text);
+    let (name, value) = text.split_once('=').map_or((text, None), |(name, value)| (name, Some(value.trim())));
+    let request = match (name.trim_end(), value) {
+        ("?VERSION", None) => Request::Version,
+        ("?POLL", None) => Request::Poll,
+        ("?MAP", None) => Request::Map,
+        ("?WATCH", None) => Request::Watch(Watch::default()),
+        ("?VERSION", Some(_)) => return Err(RequestError::Surplus("VERSION")),
+        ("?POLL", Some(_)) => return Err(RequestError::Surplus("POLL")),
+        ("?MAP", Some(_)) => return Err(RequestError::Surplus("MAP")),
+        ("?WATCH", Some(value)) => Request::Watch(within(json("WATCH", value, WATCH)?)?),
+        ("?TOKEN", value) => Request::Token(json("TOKEN", value.unwrap_or_default(), TOKEN)?),
+        _ => return Err(RequestError::Unknown),
+    };
+    Ok(Some(request))
+}
+
+fn json<'a, T: Deserialize<'a>>(name: &'static str, value: &'a str, expected: &'static str) -> Result<T, RequestError> {
+    serde_json::from_str(value).map_err(|error| {
+        let error: String = error.to_string().chars().take(LONGEST_WORDS).collect();
+        RequestError::Value { name, error, expected }
+    })
+}
+
+fn within(watch: Watch) -> Result<Watch, RequestError> {
+    let rates = [
+        ("pose_hz", watch.pose_hz, MOST_HZ),
+        ("sweep_hz", watch.sweep_hz, MOST_HZ),
+        ("map_hz", watch.map_hz, MOST_MAP_HZ),
+        ("stats_hz", watch.stats_hz, MOST_HZ),
+    ];
+    for (key, value, most) in rates {
+        if value != 0.0 && !(LEAST_HZ..=f64::from(most)).contains(&value) {
+            return Err(RequestError::Rate { key, value: value.to_string(), most });
+        }
+    }
+    Ok(watch)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn requests_are_read_with_and_without_their_end() {
+        for end in ["", ";", ";\r", " ; "] {
+            assert_eq!(parse(format!("?POLL{end}").as_bytes()), Ok(Some(Request::Poll)), "{end:?}");
+        }
+        assert_eq!(parse(b" \r"), Ok(None));
+        let watch = Watch { pose_hz: 5.0, map_hz: 0.2, ..Watch::default() };
+        let line = br#"?WATCH={"enable":true,"pose_hz":5,"map_hz":0.2};"#;
+        assert_eq!(parse(line), Ok(Some(Request::Watch(watch))));
+        assert_eq!(parse(br#"?TOKEN="a=b;c";"#), Ok(Some(Request::Token("a=b;c".into()))));
+    }
+
+    #[test]
+    fn what_is_wrong_is_said_with_what_is_expected() {
+        let words = |line: &str| parse(line.as_bytes()).unwrap_err().to_string();
+        assert!(words("GET / HTTP/1.1").contains("expected ?WATCH"));
+        assert!(words("?MAP=1;").contains("takes no value"));
+        assert!(words(r#"?WATCH={"pose":1};"#).contains("unknown field `pose`"));
+        assert!(words(r#"?WATCH={"pose_hz":1e999};"#).contains("out of range"));
+        assert!(
+            words(r#"?WATCH={"map_hz":2};"#).contains("map_hz = 2 is out of range: it must be 0, or from 0.001 to 1")
+        );
+        assert!(words(r#"?WATCH={"pose_hz":-1};"#).contains("pose_hz = -1"));
+        assert!(words("?TOKEN;").contains("a JSON string"));
+        assert!(words(&format!(r#"?WATCH={{"{}":1}};"#, "x".repeat(60_000))).len() < 300);
+        assert_eq!(parse(b"?POLL\xff"), Err(RequestError::NotText));
+    }
+
+    proptest! {
+        #[test]
+        fn any_watch_in_range_survives_the_round_trip(pose_hz in 0.001..50.0f64, map_hz in 0.001..1.0f64, enable: bool) {
+            let watch = Watch { enable, pose_hz, map_hz, ..Watch::default() };
+            let line = format!("?WATCH={};", serde_json::to_string(&watch).unwrap());
+            prop_assert_eq!(parse(line.as_bytes()), Ok(Some(Request::Watch(watch))));
+        }
+
+        #[test]
+        fn any_token_survives_the_round_trip(token: String) {
+            let line = format!("?TOKEN={};", serde_json::to_string(&token).unwrap());
+            prop_assert_eq!(parse(line.as_bytes()), Ok(Some(Request::Token(token))));
+        }
+
+        #[test]
+        fn any_bytes_are_a_request_or_words(line: Vec<u8>) {
+            let _ = parse(&line);
+        }
+    }
+}

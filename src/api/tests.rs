@@ -1,0 +1,220 @@
+//! A client in a time of its own.
+
+use super::{Client, End, Report, Snapshot, Token};
+use crate::event::{Estimate, FaultEvent, FaultKind, SensorState};
+use crate::geometry::Pose2;
+use crate::time::Timestamp;
+use bytes::Bytes;
+use nalgebra::Matrix3;
+use serde_json::Value;
+
+fn at(ms: u64) -> Timestamp {
+    Timestamp::from_us(1_000 * ms)
+}
+
+/// What waits for the client, taken; the class of each line and the line.
+fn taken(client: &mut Client, ms: u64) -> Vec<(String, Value)> {
+    let mut text = Vec::new();
+    while !client.outgoing().is_empty() {
+        // Whatever the pieces.
+        let count = client.outgoing().len().min(7);
+        text.extend_from_slice(&client.outgoing()[..count]);
+        client.wrote(at(ms), count);
+    }
+    let lines = String::from_utf8(text).unwrap();
+    let lines = lines.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+    lines.map(|line| (line["class"].as_str().unwrap().into(), line)).collect()
+}
+
+fn classes(client: &mut Client, ms: u64) -> Vec<String> {
+    taken(client, ms).into_iter().map(|(class, _)| class).collect()
+}
+
+/// A moment with this sweep.
+fn moment(sweep: u64) -> Snapshot {
+    let at = at(100 * sweep);
+    let pose = Pose2::new(1.0, 2.0, 0.5);
+    let estimate = Estimate { at, sweep, pose, covariance: Matrix3::identity(), odometry: pose, nis: f64::NAN };
+    Snapshot {
+        at,
+        sweep: Some(sweep),
+        sweep_at: at,
+        ranges_m: vec![1.25, f64::INFINITY, f64::NEG_INFINITY, f64::NAN],
+        estimate: Some(estimate),
+        ..Snapshot::default()
+    }
+}
+
+fn fault(sensor: usize, state: SensorState) -> Option<FaultEvent> {
+    Some(FaultEvent { at: at(1), sensor, state, reason: "it is so".into() })
+}
+
+fn watching(request: &str) -> Client {
+    let mut client = Client::new(at(0), None);
+    client.received(at(0), request.as_bytes());
+    assert_eq!(classes(&mut client, 0), ["VERSION", "WATCH"]);
+    client
+}
+
+#[test]
+fn poses_come_at_the_rate_asked_for() {
+    for (hz, expected) in [(50.0, 100), (10.0, 100), (4.0, 40), (1.0, 10), (0.0, 0)] {
+        let mut client = watching(&format!("?WATCH={{\"pose_hz\":{hz}}};\n"));
+        let mut poses = 0;
+        for sweep in 1..=100 {
+            // Ten sweeps a second, up to 20 ms late.
+            let ms = 100 * sweep + 7 * sweep % 21;
+            client.tick(at(ms));
+            client.news(at(ms), &moment(sweep), 1);
+            poses += classes(&mut client, ms).iter().filter(|class| *class == "POSE").count();
+        }
+        assert!(poses.abs_diff(expected) <= 1, "{hz} Hz: {poses} poses in 10 s");
+    }
+}
+
+#[test]
+fn what_is_no_number_in_json_is_a_word_or_null() {
+    let mut client = watching("?WATCH={\"pose_hz\":10,\"sweep_hz\":10};\n");
+    client.news(at(100), &moment(1), 1);
+    let lines = taken(&mut client, 100);
+    let line = |class: &str| &lines.iter().find(|(found, _)| found == class).unwrap().1;
+    assert_eq!(line("SWEEP")["ranges_m"].to_string(), r#"[1.25,"clear","near",null]"#);
+    assert_eq!(line("POSE")["nis"], Value::Null);
+}
+
+#[test]
+fn faults_are_told_once_and_those_of_before_to_whoever_begins() {
+    let mut client = watching("?WATCH={\"pose_hz\":0};\n");
+    let mut moment = moment(1);
+    moment.changes = vec![None, fault(1, SensorState::Faulty(FaultKind::Stuck)), fault(2, SensorState::Healthy)];
+    client.news(at(100), &moment, 1);
+    assert_eq!(classes(&mut client, 100), ["DEVICE", "FAULT"], "the mended sensor is no news");
+    client.news(at(200), &moment, 1);
+    assert!(classes(&mut client, 200).is_empty(), "nothing has changed");
+    moment.changes[1] = fault(1, SensorState::Healthy);
+    client.news(at(300), &moment, 1);
+    assert_eq!(taken(&mut client, 300)[0].1["state"], "healthy");
+    client.received(at(400), b"?POLL;\n");
+    client.news(at(400), &moment, 1);
+    assert_eq!(classes(&mut client, 400), ["DEVICE", "SWEEP", "POSE", "STATS"]);
+}
+
+#[test]
+fn a_map_is_asked_for_when_it_is_due() {
+    let mut client = watching("?WATCH={\"map_hz\":0.5};\n");
+    let line = Bytes::from_static(b"{\"class\":\"MAP\"}\n");
+    let mut maps = Vec::new();
+    for ms in (0..10_000).step_by(100) {
+        client.tick(at(ms));
+        if client.asks().map {
+            client.map(at(ms), Some(&line));
+        }
+        maps.extend(classes(&mut client, ms).iter().map(|_| ms));
+        assert!(client.deadline() > at(ms), "it does not spin");
+    }
+    assert!((5..=6).contains(&maps.len()), "{maps:?}");
+    // A map that somebody else has asked for is not sent.
+    client.map(at(10_000), Some(&line));
+    assert!(classes(&mut client, 10_000).is_empty());
+}
+
+#[test]
+fn who_takes_nothing_is_dropped_with_a_notice_after_the_line_it_has_begun() {
+    let mut client = watching("?WATCH={\"sweep_hz\":50};\n");
+    client.news(at(0), &moment(0), 1);
+    client.wrote(at(0), 3);
+    let begun = client.outgoing().to_vec();
+    for sweep in 1.. {
+        client.news(at(100), &moment(sweep), 1);
+        client.received(at(100), b"?VERSION;\n?VERSION;\n?VERSION;\n?VERSION;\n");
+        if client.end().is_some() {
+            break;
+        }
+        assert!(sweep < 5_000, "nothing bounds what waits");
+    }
+    assert_eq!(client.end(), Some(End::Slow));
+    assert_eq!(client.outgoing(), begun, "what has been begun is not cut");
+    client.wrote(at(100), begun.len());
+    assert!(taken(&mut client, 100)[0].1["message"].as_str().unwrap().contains("too slow"));
+    assert!(client.is_over(at(100)));
+
+    let mut client = watching("?WATCH;\n");
+    client.received(at(0), b"?VERSION;\n");
+    client.tick(at(9_999));
+    assert_eq!(client.end(), None);
+    client.tick(client.deadline());
+    assert_eq!(client.end(), Some(End::Slow), "it is stuck");
+    assert!(!client.is_over(at(14_999)) && client.is_over(at(15_000)), "nobody waits for ever");
+}
+
+#[test]
+fn a_line_has_an_end() {
+    for pieces in [1, 1_000, 65_536] {
+        let mut client = Client::new(at(0), None);
+        taken(&mut client, 0);
+        for piece in vec![b'x'; 65_536].chunks(pieces) {
+            client.received(at(0), piece);
+        }
+        assert_eq!(client.end(), None, "64 KiB may be");
+        client.received(at(0), b"x");
+        assert_eq!(client.end(), Some(End::Long));
+        assert!(taken(&mut client, 0)[0].1["message"].as_str().unwrap().contains("65536 bytes"));
+    }
+}
+
+#[test]
+fn a_stranger_gets_nothing_and_not_for_long() {
+    let token = Some(Token::new("0123456789abcdef"));
+    let mut client = Client::new(at(0), token);
+    assert!(client.outgoing().is_empty(), "strangers are not greeted");
+    client.received(at(0), b"?WATCH;\n?TOKEN=\"0123456789abcdef\";\n?WATCH;\n");
+    assert_eq!(classes(&mut client, 0), ["ERROR", "VERSION", "WATCH"]);
+    client.tick(at(6_000));
+    assert_eq!(client.end(), None, "it is known now");
+
+    let mut client = Client::new(at(0), token);
+    client.received(at(0), b"?TOKEN=\"0123456789abcdee\";\n?POLL;\nGET / HTTP/1.1\n?TOKEN=\"0123456789abcdef\";\n");
+    assert_eq!(client.end(), Some(End::Stranger), "the fourth try is too late");
+    assert!(!client.asks().moment);
+
+    let mut client = Client::new(at(0), token);
+    assert_eq!(client.deadline(), at(5_000));
+    client.tick(at(5_000));
+    assert_eq!(client.end(), Some(End::Stranger));
+}
+
+#[test]
+fn who_neither_asks_nor_watches_is_dropped_and_who_watches_is_not() {
+    let mut idle = Client::new(at(0), None);
+    taken(&mut idle, 0);
+    idle.received(at(15_000), b"nonsense\n");
+    taken(&mut idle, 15_000);
+    idle.tick(at(34_999));
+    assert_eq!(idle.end(), None);
+    idle.tick(idle.deadline());
+    assert_eq!(idle.end(), Some(End::Idle));
+    let mut client = watching("?WATCH;\n");
+    client.tick(at(3_000_000));
+    assert_eq!(client.end(), None);
+}
+
+#[test]
+fn who_asks_and_hangs_up_still_gets_the_answer() {
+    let mut client = Client::new(at(0), None);
+    client.received(at(0), b"?POLL;\n");
+    client.hung_up(at(0));
+    assert_eq!(client.end(), None);
+    client.news(at(100), &moment(1), 1);
+    assert_eq!(client.end(), Some(End::Done));
+    assert!(!client.is_over(at(100)));
+    assert_eq!(classes(&mut client, 100).last().unwrap(), "STATS");
+    assert!(client.is_over(at(100)));
+}
+
+#[test]
+fn every_report_is_one_line() {
+    let message = "a\nb\u{1b}[2J";
+    let line = Report::Error { message }.line();
+    assert_eq!(line.iter().filter(|byte| **byte < b' ').count(), 1, "{line:?}");
+    assert!(line.ends_with(b"\n"));
+}

@@ -1,0 +1,91 @@
+//! The word that lets a client in.
+
+use sha2::{Digest as _, Sha256};
+use std::fmt;
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::{Path, PathBuf};
+use subtle::ConstantTimeEq as _;
+
+/// A token, of which only the digest is kept.
+#[derive(Clone, Copy)]
+pub struct Token([u8; 32]);
+
+/// A token file that cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {cause}", path.display())]
+pub struct TokenError {
+    /// The file.
+    pub path: PathBuf,
+    /// Why, and what to do about it.
+    pub cause: String,
+}
+
+/// A shorter one is guessed.
+const SHORTEST: usize = 16;
+const LONGEST: usize = 1_024;
+
+impl Token {
+    /// Reads a token file: its first line is the token.
+    ///
+    /// # Errors
+    /// Where it cannot be read, others than its owner may read it, or it holds no token.
+    pub fn read(path: &Path) -> Result<Self, TokenError> {
+        let failure = |cause: String| TokenError { path: path.into(), cause };
+        let system = |error: std::io::Error| failure(format!("{error}; name a file that holds the token"));
+        let mode = std::fs::metadata(path).map_err(system)?.permissions().mode();
+        if mode & 0o077 != 0 {
+            let mode = mode & 0o777;
+            return Err(failure(format!("others may use it (mode {mode:o}): `chmod 600` keeps it to its owner")));
+        }
+        let text = std::fs::read_to_string(path).map_err(system)?;
+        let word = text.lines().next().unwrap_or_default().trim();
+        if !(SHORTEST..=LONGEST).contains(&word.len()) || !word.bytes().all(|byte| byte.is_ascii_graphic()) {
+            return Err(failure(format!(
+                "its first line must be {SHORTEST} to {LONGEST} printable ASCII characters, as `openssl rand -hex 32` makes them"
+            )));
+        }
+        Ok(Self::new(word))
+    }
+
+    /// The token that this word is.
+    #[must_use]
+    pub fn new(word: &str) -> Self {
+        Self(Sha256::digest(word.as_bytes()).into())
+    }
+
+    /// True where `word` is the token. How long that takes does not depend on where they differ.
+    #[must_use]
+    pub fn is(&self, word: &str) -> bool {
+        self.0.ct_eq(&Self::new(word).0).into()
+    }
+}
+
+impl fmt::Debug for Token {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Token")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs::{Permissions, set_permissions, write};
+
+    #[test]
+    fn a_file_for_its_owner_alone_holds_the_token() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("token");
+        let read = |text: &str, mode| {
+            write(&path, text).unwrap();
+            set_permissions(&path, Permissions::from_mode(mode)).unwrap();
+            Token::read(&path)
+        };
+        let token = read("0123456789abcdef\nnot this\n", 0o600).unwrap();
+        assert!(token.is("0123456789abcdef") && !token.is("0123456789abcdeF") && !token.is(""));
+        let words = |text: &str, mode| read(text, mode).unwrap_err().to_string();
+        assert!(words("0123456789abcdef", 0o640).contains("chmod 600"));
+        assert!(words("short", 0o600).contains("openssl rand -hex 32"));
+        assert!(words("0123456789 abcdef", 0o600).contains("printable"));
+        assert!(Token::read(&folder.path().join("none")).unwrap_err().to_string().contains("name a file"));
+    }
+}
