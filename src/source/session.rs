@@ -4,7 +4,9 @@
 //! depends on what was read and written and when, never on when a timer fired: a recording replays bit for bit.
 
 use crate::config::Config;
-use crate::event::{Estimate, Event, FaultEvent, Input, LockChange, LockEvent, Output, PositionEvent, SensorState};
+use crate::event::{
+    EncoderState, Estimate, Event, FaultEvent, Input, LockChange, LockEvent, Output, PositionEvent, SensorState, Wheel,
+};
 use crate::geometry::{Pose2, Ring};
 use crate::link::Reception;
 use crate::memory::{Impossible, Memory};
@@ -47,6 +49,7 @@ pub struct Session {
     outputs: Outputs,
     transmit: Vec<Bytes>,
     faulty: Vec<Option<FaultEvent>>,
+    encoders: [EncoderState; 2],
     estimate: Option<Estimate>,
     /// Whether the last input brought a pose.
     has_posed: bool,
@@ -62,9 +65,18 @@ impl Session {
     pub fn new(config: Config, folder: &Path) -> Result<Self, PublishError> {
         let pipeline = Pipeline::new(&config);
         let outputs = Outputs::create(folder)?;
-        let (transmit, faulty) = (Vec::new(), Vec::new());
-        let now = Timestamp::default();
-        Ok(Self { config, pipeline, outputs, transmit, faulty, estimate: None, has_posed: false, now, watcher: None })
+        Ok(Self {
+            config,
+            pipeline,
+            outputs,
+            transmit: Vec::new(),
+            faulty: Vec::new(),
+            encoders: [EncoderState::Healthy; 2],
+            estimate: None,
+            has_posed: false,
+            now: Timestamp::default(),
+            watcher: None,
+        })
     }
 
     /// Lets somebody watch.
@@ -184,6 +196,12 @@ impl Session {
         self.faulty.iter().flatten()
     }
 
+    /// The left and the right wheel's encoder.
+    #[must_use]
+    pub fn encoders(&self) -> [EncoderState; 2] {
+        self.encoders
+    }
+
     /// The newest pose.
     #[must_use]
     pub fn estimate(&self) -> Option<&Estimate> {
@@ -273,6 +291,10 @@ impl Session {
                     self.faulty.resize(sensor + 1, None);
                 }
                 self.faulty[sensor] = (fault.state != SensorState::Healthy).then_some(fault);
+            }
+            Event::Encoder(encoder) => {
+                tracing::warn!("{:.1} s: {}", encoder.at.seconds(), encoder.reason);
+                self.encoders[usize::from(encoder.wheel == Wheel::Right)] = encoder.state;
             }
             Event::Position(PositionEvent { is_known: true, reason, .. }) => tracing::info!("{reason}"),
             Event::Position(PositionEvent { reason, .. }) => tracing::warn!("{reason}"),
