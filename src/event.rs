@@ -69,6 +69,8 @@ pub enum Event {
     Estimate(Estimate),
     /// A sensor changed its state.
     Fault(FaultEvent),
+    /// A wheel encoder changed its state.
+    Encoder(EncoderEvent),
     /// What is known of the robot's place has changed; only where it is sought in a known map.
     Position(PositionEvent),
     /// The robot no longer knows where it is, or knows it again.
@@ -198,6 +200,66 @@ pub struct FaultEvent {
     pub sensor: usize,
     /// Its new state.
     pub state: SensorState,
+    /// Why, in words.
+    pub reason: String,
+}
+
+/// One of the two wheels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wheel {
+    /// The left one.
+    Left,
+    /// The right one.
+    Right,
+}
+
+impl Wheel {
+    /// Both, in the order of every pair.
+    pub const BOTH: [Self; 2] = [Self::Left, Self::Right];
+
+    /// The word used in files and messages.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Left => "left",
+            Self::Right => "right",
+        }
+    }
+}
+
+/// What a wheel encoder's counts are worth.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum EncoderState {
+    /// They are used as they come.
+    #[default]
+    Healthy,
+    /// They stand still while the wheel turns: the robot's motion is unknown.
+    Dead,
+    /// They run backwards, and are used with the sign turned over.
+    Reversed,
+}
+
+impl EncoderState {
+    /// The word used in files.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Healthy => "healthy",
+            Self::Dead => "dead",
+            Self::Reversed => "reversed",
+        }
+    }
+}
+
+/// A wheel encoder's change of state.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EncoderEvent {
+    /// The sweep's reference instant.
+    pub at: Timestamp,
+    /// The wheel.
+    pub wheel: Wheel,
+    /// Its encoder's new state.
+    pub state: EncoderState,
     /// Why, in words.
     pub reason: String,
 }

@@ -45,6 +45,8 @@ pub struct Pipeline {
     aligner: Aligner,
     start: Start,
     estimator: Option<Estimator>,
+    /// Which encoders' counts the aligner turns over, left and right.
+    reversed: [bool; 2],
     kept_sweeps: Option<Vec<Sweep>>,
     last_seq: Option<u8>,
     counters: Counters,
@@ -79,6 +81,7 @@ impl Pipeline {
             aligner: Aligner::new(&config.ring),
             start,
             estimator: None,
+            reversed: [false; 2],
             kept_sweeps: None,
             last_seq: None,
             counters: Counters::default(),
@@ -266,6 +269,18 @@ impl Pipeline {
         if aligned == Err(Restarted) {
             self.restart(at);
         }
+        self.turn_encoders();
+    }
+
+    /// Takes the counts of encoders that were found to run backwards with the sign turned over.
+    fn turn_encoders(&mut self) {
+        let reversed = self.estimator.as_ref().map_or([false; 2], Estimator::reversed_encoders);
+        for (wheel, (is, was)) in reversed.iter().zip(self.reversed).enumerate() {
+            if *is != was {
+                self.aligner.reverse_encoder(wheel);
+            }
+        }
+        self.reversed = reversed;
     }
 
     /// A message without a stamp that sweeps are made of.

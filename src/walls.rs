@@ -11,6 +11,7 @@
 //! was found follow within a second when it is.
 
 mod beginning;
+mod encoders;
 mod expect;
 mod insight;
 mod lost;
@@ -18,6 +19,7 @@ mod lost;
 use crate::config::Config;
 use crate::event::{Calibration, Estimate, Event, LockChange, LockEvent, SensorState};
 use crate::fault::detector::Detector;
+use crate::fault::encoder::EncoderWatch;
 use crate::geometry::{Placement, Point, Pose2, Ring, wrap_angle};
 use crate::mapping::cone::{self, Target};
 use crate::mapping::grid::{Facing, OccupancyGrid};
@@ -29,6 +31,7 @@ use crate::position::tracker::{Tracker, Use, Wall};
 use crate::sweep::{Beam, Sweep};
 use crate::time::Timestamp;
 use beginning::{Beginning, Begun};
+use encoders::{Blind, Trail, unknown_within};
 use lost::Lost;
 use std::collections::VecDeque;
 
@@ -38,11 +41,17 @@ pub struct Walls {
     max_range_m: f64,
     wheels: Calibration,
     detector: Detector,
+    encoders: EncoderWatch,
     axis: AxisFinder,
     axis_sweeps: usize,
     beginning: Beginning,
     /// The first sweeps that are still to be used.
     waiting: VecDeque<Sweep>,
+    /// The first sweep of a building that this run has begun.
+    begun_sweep: Option<u64>,
+    trail: Trail,
+    /// Set while a wheel does not count.
+    blind: Option<Blind>,
     tracker: Option<Tracker>,
     grid: OccupancyGrid,
     /// Whether the ring has beams enough to tell clutter from another place.
@@ -84,10 +93,14 @@ impl Walls {
             max_range_m: config.ring.max_range_m,
             wheels: config.robot.wheels(),
             detector: Detector::new(ring, config.ring.max_range_m),
+            encoders: EncoderWatch::new(ring, config.robot.wheel_base_m),
             axis: AxisFinder::default(),
             axis_sweeps: 0,
             beginning: Beginning::new(),
             waiting: VecDeque::new(),
+            begun_sweep: None,
+            trail: Trail::new(),
+            blind: None,
             tracker: None,
             grid: OccupancyGrid::new(config.map.cell_m),
             can_tell: ring.len() >= LEAST_SENSORS,
@@ -126,14 +139,18 @@ impl Walls {
             axis: AxisFinder::default(),
             lost: None,
             waiting: VecDeque::new(),
+            begun_sweep: None,
+            trail: Trail::new(),
+            blind: None,
             ..self
         })
     }
 
-    /// Everything worth remembering; none before the building's axis is found.
+    /// Everything worth remembering; none before the building's axis is found, nor while a wheel that did not count has led astray.
     #[must_use]
     pub fn memory(&self) -> Option<Memory> {
-        let tracker = self.tracker.as_ref()?;
+        let is_astray = self.blind.is_some() || self.lost.as_ref().is_some_and(|lost| lost.blind_m.is_some());
+        let tracker = self.tracker.as_ref().filter(|_| !is_astray)?;
         let (walls, parked) = tracker.wall_memory();
         Some(Memory {
             filter: tracker.filter.memory(),
@@ -158,7 +175,11 @@ impl Walls {
 
     /// Uses one sweep.
     pub fn update(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
-        if let (Some(tracker), true) = (&mut self.tracker, self.waiting.is_empty()) {
+        if self.blind.is_some() {
+            self.detector.inspect(sweep, |_| None, events);
+            self.watch_encoders(sweep, events);
+            self.go_blind(sweep, events);
+        } else if let (Some(tracker), true) = (&mut self.tracker, self.waiting.is_empty()) {
             tracker.predict(sweep.left_m, sweep.right_m);
             tracker.expect(sweep);
             let is_lost = self.lost.is_some();
@@ -169,9 +190,11 @@ impl Walls {
                     .then(|| expect::expected(&self.grid, map_from_sensor, beam.half_angle_rad, self.max_range_m))?
             };
             self.detector.inspect(sweep, expected, events);
-            self.follow(sweep, events);
+            self.watch_encoders(sweep, events);
+            if self.blind.is_some() { self.go_blind(sweep, events) } else { self.follow(sweep, events) }
         } else {
             self.detector.inspect(sweep, |_| None, events);
+            self.watch_encoders(sweep, events);
             self.seek(sweep);
             self.catch_up(events);
         }
@@ -216,6 +239,7 @@ impl Walls {
         let begun = self.beginning.add(sweep, &self.wheels, |sensor| self.detector.is_trusted(sensor));
         if let Some(Begun { tracker, sweeps }) = begun {
             self.tracker = Some(tracker);
+            self.begun_sweep = sweeps.first().map(|first| first.index);
             self.waiting = sweeps.into();
         }
     }
@@ -233,20 +257,25 @@ impl Walls {
     /// What follows once the pose is predicted and the sensors are judged.
     fn follow(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
         let Some(tracker) = &mut self.tracker else { return };
-        tracker.correct(sweep, self.lost.is_none(), |sensor| self.detector.is_trusted(sensor));
+        let may_learn = self.lost.is_none() && !self.encoders.is_suspected();
+        tracker.correct(sweep, may_learn, |sensor| self.detector.is_trusted(sensor));
         self.check_heading(sweep);
         if self.lost.is_some() {
             self.seek_place(sweep, events);
         } else {
             self.watch_lock(sweep, events);
-            self.draw(sweep);
+            if may_learn {
+                self.draw(sweep);
+            }
         }
         if let Some(tracker) = &self.tracker {
+            let blind_m = self.lost.as_ref().and_then(|lost| lost.blind_m);
+            self.trail.push(sweep, tracker.filter.pose());
             events.push(Event::Estimate(Estimate {
                 at: sweep.at,
                 sweep: sweep.index,
                 pose: tracker.filter.pose(),
-                covariance: tracker.filter.pose_covariance(),
+                covariance: blind_m.map_or_else(|| tracker.filter.pose_covariance(), unknown_within),
                 odometry: sweep.odometry,
                 nis: tracker.nis(),
             }));
@@ -279,7 +308,7 @@ impl Walls {
                 tracker.relocate(pose, lost.since_sweep);
             }
             LockChange::Regained { moved_m, turned_rad }
-        } else if tracker.watch().is_sure() {
+        } else if tracker.watch().is_sure() && lost.blind_m.is_none() {
             LockChange::Regained { moved_m: 0.0, turned_rad: 0.0 }
         } else if lost.is_hopeless() {
             LockChange::Abandoned

@@ -80,6 +80,11 @@ impl Aligner {
         self.wheels = Some(wheels);
     }
 
+    /// From now on one encoder's counts, 0 for the left, are taken with the sign turned over.
+    pub fn reverse_encoder(&mut self, wheel: usize) {
+        self.track.reverse(wheel);
+    }
+
     /// The board has measured the air's temperature.
     pub fn set_temperature(&mut self, temperature_c: f64) {
         self.temperature_c = temperature_c;

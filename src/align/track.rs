@@ -90,6 +90,12 @@ impl Track {
         Some((a.rolled_to(travel, wheels), travel))
     }
 
+    /// From now on one encoder's counts, 0 for the left, are taken with the sign turned over.
+    pub fn reverse(&mut self, wheel: usize) {
+        let counter = if wheel == 0 { &mut self.left } else { &mut self.right };
+        counter.is_reversed = !counter.is_reversed;
+    }
+
     /// A restarted board counts from anywhere: goes on from the newest pose, whatever the next counts are.
     pub fn restart(&mut self) {
         if let Some(mut newest) = self.samples.pop_back() {
@@ -113,13 +119,15 @@ impl Sample {
 struct Counter {
     last: Option<i32>,
     ticks: i64,
+    is_reversed: bool,
 }
 
 impl Counter {
     fn widen(&mut self, count: i32) -> f64 {
         let step = self.last.map_or(0, |last| count.wrapping_sub(last));
         self.last = Some(count);
-        self.ticks = self.ticks.saturating_add(i64::from(step));
+        let step = i64::from(step);
+        self.ticks = self.ticks.saturating_add(if self.is_reversed { -step } else { step });
         self.ticks as f64
     }
 
@@ -153,6 +161,19 @@ mod tests {
         [0, 2, 1, 3].iter().map(|&i| samples[i]).for_each(|(t, l, r)| late.add(DeviceTime::from_us(t), l, r, WHEELS));
         let end = DeviceTime::from_us(60_000);
         assert_eq!(in_order.at(end, WHEELS), late.at(end, WHEELS));
+    }
+
+    #[test]
+    fn a_reversed_encoder_goes_on_from_where_it_was() {
+        let mut track = Track::default();
+        let at = |ms: u64| DeviceTime::from_us(1_000 * ms);
+        for (ms, left, right) in [(0, 0, 0), (20, 10, -10)] {
+            track.add(at(ms), left, right, WHEELS);
+        }
+        track.reverse(1);
+        track.add(at(40), 20, -20, WHEELS);
+        let (_, travel) = track.at(at(40), WHEELS).unwrap();
+        assert!((travel.left_m - 0.02).abs() < 1e-12 && travel.right_m.abs() < 1e-12, "{travel:?}");
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use super::{Failure, Kind, terminal};
 use crate::capture::{CaptureInfo, CaptureWriter, Record};
 use crate::config::Config;
+use crate::sim::encoder::EncoderFault;
 use crate::sim::fault::{FaultMix, SensorFault};
 use crate::sim::link::LinkFaults;
 use crate::sim::simulation::{SimConfig, Simulation, session};
@@ -30,6 +31,9 @@ pub(super) struct SimulateArgs {
     /// A broken sensor: kinds are saturated, missing, noisy and stuck.
     #[arg(long = "fault", value_name = "SENSOR:KIND@TIME[-TIME]")]
     fault: Vec<SensorFault>,
+    /// A broken wheel encoder: left or right, dead or reversed.
+    #[arg(long, value_name = "WHEEL:KIND@TIME[-TIME]")]
+    encoder_fault: Vec<EncoderFault>,
     /// The beams' shape: cone or point.
     #[arg(long, default_value = "cone")]
     beam: BeamShape,
@@ -88,7 +92,8 @@ impl SimulateArgs {
             clock_drift_ppm: self.clock_drift,
             link: LinkFaults { bit_flips: self.bit_errors, drops: self.byte_drops, insertions: self.byte_insertions },
         })
-        .with_misfits(self.range_bias, self.bearing_offset.to_radians());
+        .with_misfits(self.range_bias, self.bearing_offset.to_radians())
+        .with_encoder_faults(self.encoder_fault.clone());
         match (&self.capture, &self.pty) {
             (Some(path), _) => self.write(simulation, path),
             (None, Some(name)) => pty::serve(simulation, name)

@@ -65,6 +65,9 @@ pub(super) fn report(summary: &Summary, faulty: &[FaultEvent], folder: &Path, js
     for fault in faulty {
         say(format_args!("{} (since {:.1} s)", fault.reason, fault.at.seconds()));
     }
+    for fault in &summary.encoder_faults {
+        say(format_args!("{} (since {:.1} s)", fault.reason, fault.found_s));
+    }
     say(format_args!("map: {}", folder.join("map.png").display()));
 }
 

@@ -1,8 +1,10 @@
-//! Fault detection: which sensors' readings are worth nothing.
+//! Fault detection: which sensors' readings and which wheel encoders' counts are worth nothing.
 
 pub mod detector;
+pub mod encoder;
 pub mod evidence;
 pub mod neighbours;
 pub mod paper_detector;
 pub mod pca;
+mod profile;
 pub mod suspicion;

@@ -1,6 +1,7 @@
 //! Rates, pose and wheels in numbers.
 
-use crate::monitor::snapshot::Snapshot;
+use crate::event::{EncoderState, Wheel};
+use crate::monitor::snapshot::{Snapshot, Tone};
 use crate::monitor::view::Look;
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
@@ -30,7 +31,7 @@ fn rate(name: &str, per_second: f64, count: u64, look: Look) -> Line<'static> {
 /// A rate that should be 0: told loudly while it is not.
 fn trouble(name: &str, per_second: f64, count: u64, look: Look) -> Line<'static> {
     let line = rate(name, per_second, count, look);
-    if per_second > 0.0 { line.patch_style(look.tone(crate::monitor::snapshot::Tone::Bad)) } else { line }
+    if per_second > 0.0 { line.patch_style(look.tone(Tone::Bad)) } else { line }
 }
 
 /// A count in at most 8 characters.
@@ -59,10 +60,22 @@ fn wheels(snapshot: &Snapshot, look: Look) -> Vec<Line<'static>> {
     };
     let sign = look.plus_minus();
     vec![
-        Line::styled("wheels, right to left", look.faint()),
+        encoders(snapshot, look),
         value("ratio", format!("{:.4} {sign} {:.4}", wheels.wheel_ratio, wheels.wheel_ratio_sigma), look),
         value("base", format!("{:.4} {sign} {:.4} m", wheels.wheel_base_m, wheels.wheel_base_sigma_m), look),
     ]
+}
+
+/// A heading, or in its place the encoder that is broken.
+fn encoders(snapshot: &Snapshot, look: Look) -> Line<'static> {
+    let broken = |wheel: usize| snapshot.encoders[wheel] != EncoderState::Healthy;
+    (0..2).find(|&wheel| broken(wheel)).map_or_else(
+        || Line::styled("wheels, right to left", look.faint()),
+        |wheel| {
+            let (word, state) = (Wheel::BOTH[wheel].word(), snapshot.encoders[wheel].word());
+            Line::styled(format!("{word} encoder {state}"), look.tone(Tone::Bad))
+        },
+    )
 }
 
 fn value(name: &str, words: String, look: Look) -> Line<'static> {

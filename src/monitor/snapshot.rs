@@ -1,6 +1,6 @@
 //! What is shown: one moment of a session, small enough to be copied ten times a second.
 
-use crate::event::{Calibration, Counters, Estimate, FaultEvent};
+use crate::event::{Calibration, Counters, EncoderState, Estimate, FaultEvent};
 use crate::geometry::{Point, Pose2};
 use crate::link::LinkState;
 use crate::mapping::raster::Raster;
@@ -27,6 +27,8 @@ pub struct Snapshot {
     pub max_range_m: f64,
     /// The faulty sensors with the reason in words.
     pub faults: Vec<FaultEvent>,
+    /// The left and the right wheel's encoder.
+    pub encoders: [EncoderState; 2],
     /// The newest pose.
     pub estimate: Option<Estimate>,
     /// The wheels as learnt so far, where the method learns them.

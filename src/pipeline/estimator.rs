@@ -75,6 +75,15 @@ impl Estimator {
         }
     }
 
+    /// Which encoders' counts are to be taken with the sign turned over, left and right.
+    pub(super) fn reversed_encoders(&self) -> [bool; 2] {
+        match self {
+            Self::Walls(walls) => walls.reversed_encoders(),
+            Self::Paper(_) => [false; 2],
+            Self::Localizer(localizer) => localizer.walls().reversed_encoders(),
+        }
+    }
+
     pub(super) fn calibration(&self) -> Option<Calibration> {
         match self {
             Self::Walls(walls) => Some(walls.calibration()),

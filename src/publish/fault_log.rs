@@ -1,8 +1,8 @@
-//! `faults.csv`: one line for each change of a sensor's state.
+//! `faults.csv`: one line for each change of a sensor's or a wheel encoder's state.
 
 use super::PublishError;
 use super::part_file::PartFile;
-use crate::event::{FaultEvent, SensorState};
+use crate::event::{EncoderEvent, EncoderState, FaultEvent, SensorState};
 use std::path::Path;
 
 /// The file being written.
@@ -21,6 +21,10 @@ impl FaultLog {
         self.file.write(line(fault).as_bytes());
     }
 
+    pub(super) fn append_encoder(&mut self, encoder: &EncoderEvent) {
+        self.file.write(encoder_line(encoder).as_bytes());
+    }
+
     pub(super) fn finish(self) -> Result<(), PublishError> {
         self.file.finish().map(drop)
     }
@@ -34,10 +38,19 @@ fn line(fault: &FaultEvent) -> String {
     format!("{:.6},{},{state},{kind}\n", fault.at.seconds(), fault.sensor)
 }
 
+/// In place of a sensor's number the wheel's name.
+fn encoder_line(encoder: &EncoderEvent) -> String {
+    let (state, kind) = match encoder.state {
+        EncoderState::Healthy => ("healthy", ""),
+        broken => ("faulty", broken.word()),
+    };
+    format!("{:.6},{} encoder,{state},{kind}\n", encoder.at.seconds(), encoder.wheel.word())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::FaultKind;
+    use crate::event::{FaultKind, Wheel};
     use crate::time::Timestamp;
 
     #[test]
@@ -47,5 +60,14 @@ mod tests {
         let fault = FaultEvent { at, sensor: 7, state, reason: "never answers".into() };
         assert_eq!(line(&fault), "1.500000,7,faulty,missing\n");
         assert_eq!(line(&FaultEvent { state: SensorState::Healthy, ..fault }), "1.500000,7,healthy,\n");
+    }
+
+    #[test]
+    fn an_encoder_has_its_wheels_name() {
+        let at = Timestamp::from_us(2_500_000);
+        let encoder = EncoderEvent { at, wheel: Wheel::Left, state: EncoderState::Dead, reason: String::new() };
+        assert_eq!(encoder_line(&encoder), "2.500000,left encoder,faulty,dead\n");
+        let healthy = EncoderEvent { state: EncoderState::Healthy, ..encoder };
+        assert_eq!(encoder_line(&healthy), "2.500000,left encoder,healthy,\n");
     }
 }

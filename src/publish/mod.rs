@@ -11,10 +11,10 @@ mod trajectory;
 
 pub use map_file::grey;
 pub use picture::{Curve, Plot};
-pub use summary::{Latency, Summary};
+pub use summary::{EncoderFault, Latency, Summary};
 
 use crate::config::Config;
-use crate::event::{Calibration, Counters, Event, PositionEvent, SensorState};
+use crate::event::{Calibration, Counters, EncoderState, Event, PositionEvent, SensorState, Wheel};
 use crate::geometry::{Pose2, Ring};
 use crate::mapping::raster::Raster;
 use crate::metrics::{AccuracyMeter, FaultMeter, TrueFault};
@@ -71,6 +71,7 @@ pub struct Outputs {
     pose: Pose2,
     accuracy: AccuracyMeter,
     faults: Option<FaultMeter>,
+    encoders: [Option<EncoderFault>; 2],
     position: Option<PositionEvent>,
     timings: Timings,
     delays: Timings,
@@ -97,6 +98,7 @@ impl Outputs {
             pose: Pose2::default(),
             accuracy: AccuracyMeter::default(),
             faults: None,
+            encoders: [None, None],
             position: None,
             timings: Timings::new(),
             delays: Timings::new(),
@@ -130,6 +132,11 @@ impl Outputs {
                 if let Some(faults) = &mut self.faults {
                     faults.state(fault.at, fault.sensor, fault.state);
                 }
+            }
+            Event::Encoder(encoder) => {
+                self.fault_log.append_encoder(encoder);
+                let place = usize::from(encoder.wheel == Wheel::Right);
+                self.encoders[place] = (encoder.state != EncoderState::Healthy).then(|| EncoderFault::new(encoder));
             }
             Event::Position(position) => self.position = Some(position.clone()),
             Event::Board { .. }
@@ -180,6 +187,7 @@ impl Outputs {
         let mut summary = Summary::new(state.counters);
         summary.calibration = state.calibration;
         summary.position.clone_from(&self.position);
+        summary.encoder_faults = self.encoders.iter().flatten().cloned().collect();
         summary.accuracy = self.accuracy.accuracy();
         (summary.lock_losses, summary.uncertain_s) = (self.lock_log.losses(), self.lock_log.uncertain_s());
         summary.faults = self.faults.as_ref().map(|meter| meter.detection().score());

@@ -1,6 +1,6 @@
 //! `summary.json`: a run in a few numbers, keys always in the same order.
 
-use crate::event::{Calibration, Counters, PositionEvent};
+use crate::event::{Calibration, Counters, EncoderEvent, PositionEvent};
 use crate::metrics::{Accuracy, FaultScore};
 use hdrhistogram::Histogram;
 use serde::Serialize;
@@ -36,6 +36,8 @@ pub struct Summary {
     pub map_sha256: String,
     /// The wheels as the run found them; none where the method does not estimate them.
     pub calibration: Option<Calibration>,
+    /// The wheel encoders that were broken at the end.
+    pub encoder_faults: Vec<EncoderFault>,
     /// What is known of the place in a known map; none where it was not sought.
     pub position: Option<PositionEvent>,
     /// Errors against the true path, where it is known.
@@ -44,6 +46,30 @@ pub struct Summary {
     /// The fault detector against the true faults, where they are known.
     #[serde(flatten)]
     pub faults: Option<FaultScore>,
+}
+
+/// A broken wheel encoder.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct EncoderFault {
+    /// `left` or `right`.
+    pub wheel: &'static str,
+    /// `dead` or `reversed`.
+    pub state: &'static str,
+    /// Seconds of the session at which it was found.
+    pub found_s: f64,
+    /// In words.
+    pub reason: String,
+}
+
+impl EncoderFault {
+    pub(super) fn new(event: &EncoderEvent) -> Self {
+        Self {
+            wheel: event.wheel.word(),
+            state: event.state.word(),
+            found_s: event.at.seconds(),
+            reason: event.reason.clone(),
+        }
+    }
 }
 
 /// How late poses were, milliseconds.
@@ -82,6 +108,7 @@ impl Summary {
             trajectory_sha256: String::new(),
             map_sha256: String::new(),
             calibration: None,
+            encoder_faults: Vec::new(),
             position: None,
             accuracy: None,
             faults: None,

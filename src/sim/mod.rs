@@ -4,6 +4,7 @@
 
 pub mod board;
 pub mod built_in;
+pub mod encoder;
 pub mod explore;
 pub mod fault;
 pub mod floor_plan;

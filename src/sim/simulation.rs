@@ -1,6 +1,7 @@
 //! The simulated session: world, robot, beams, faults, board and line, stepped together.
 
 use super::board::{Board, SLOT_US};
+use super::encoder::{EncoderFault, Encoders};
 use super::explore::Explorer;
 use super::fault::{FaultMix, Faults, Reading, SensorFault};
 use super::link::{Link, LinkFaults};
@@ -68,6 +69,7 @@ pub struct Simulation {
     misfits: Vec<Misfit>,
     seed: u64,
     faults: Faults,
+    encoders: Encoders,
     board: Board,
     link: Link,
     command: Twist,
@@ -98,6 +100,7 @@ impl Simulation {
             misfits: vec![Misfit::default(); usize::from(config.sensors)],
             seed: config.seed,
             faults: Faults::new(schedule, config.sensors, fault_random),
+            encoders: Encoders::default(),
             board: Board::new(ring, config.clock_drift_ppm, random(Stream::Board)),
             link: Link::new(config.link, random(Stream::Link)),
             command: Twist::default(),
@@ -120,6 +123,13 @@ impl Simulation {
         for misfit in &mut self.misfits {
             *misfit = Misfit::draw(range_bias_m, bearing_offset_rad, &mut random);
         }
+        self
+    }
+
+    /// The same session with broken wheel encoders.
+    #[must_use]
+    pub fn with_encoder_faults(mut self, faults: Vec<EncoderFault>) -> Self {
+        self.encoders = Encoders::new(faults);
         self
     }
 
@@ -152,7 +162,7 @@ impl Simulation {
     pub fn restart_board(&mut self) {
         let at = Timestamp::from_us(self.now_us);
         (self.command, self.streaming_since_us, self.ready) = (Twist::default(), None, None);
-        let hello = self.board.restart(at, self.robot.ticks(0.0));
+        let hello = self.board.restart(at, self.encoders.counts(at.seconds(), self.robot.ticks(0.0)));
         self.link.send(at, &hello);
     }
 
@@ -190,7 +200,7 @@ impl Simulation {
                 self.fire(at, since_us / SLOT_US);
             }
             if since_us.is_multiple_of(ENCODER_US) {
-                let frame = self.board.encoders(at, self.robot.ticks(0.0));
+                let frame = self.board.encoders(at, self.encoders.counts(at.seconds(), self.robot.ticks(0.0)));
                 self.link.send(at, &frame);
             }
             if since_us.is_multiple_of(STATUS_US) {
@@ -220,7 +230,8 @@ impl Simulation {
             let read_m = misfit.read(reading(true_m, &mut self.sonar_noise));
             readings.push((sensor, self.faults.apply(sensor, at.seconds(), read_m)));
         }
-        let frame = self.board.sonar(at, group, is_last, self.robot.ticks(0.0), &readings);
+        let ticks = self.encoders.counts(at.seconds(), self.robot.ticks(0.0));
+        let frame = self.board.sonar(at, group, is_last, ticks, &readings);
         self.ready = Some((at.us() + SLOT_US - STEP_US, frame));
         if is_last {
             self.truths.push_back((at, self.robot.pose(0.0)));

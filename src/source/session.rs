@@ -4,7 +4,9 @@
 //! depends on what was read and written and when, never on when a timer fired: a recording replays bit for bit.
 
 use crate::config::Config;
-use crate::event::{Estimate, Event, FaultEvent, Input, LockChange, LockEvent, Output, PositionEvent, SensorState};
+use crate::event::{
+    EncoderState, Estimate, Event, FaultEvent, Input, LockChange, LockEvent, Output, PositionEvent, SensorState, Wheel,
+};
 use crate::geometry::{Pose2, Ring};
 use crate::link::Reception;
 use crate::memory::{Impossible, Memory};
@@ -49,6 +51,7 @@ pub struct Session {
     /// The last change of each sensor's state.
     changes: Vec<Option<FaultEvent>>,
     is_lost: bool,
+    encoders: [EncoderState; 2],
     estimate: Option<Estimate>,
     /// Whether the last input brought a pose.
     has_posed: bool,
@@ -71,6 +74,7 @@ impl Session {
             transmit: Vec::new(),
             changes: Vec::new(),
             is_lost: false,
+            encoders: [EncoderState::Healthy; 2],
             estimate: None,
             has_posed: false,
             now: Timestamp::default(),
@@ -212,6 +216,12 @@ impl Session {
         self.is_lost
     }
 
+    /// The left and the right wheel's encoder.
+    #[must_use]
+    pub fn encoders(&self) -> [EncoderState; 2] {
+        self.encoders
+    }
+
     /// The newest pose.
     #[must_use]
     pub fn estimate(&self) -> Option<&Estimate> {
@@ -315,6 +325,11 @@ impl Session {
                 } else {
                     tracing::warn!("{reason}");
                 }
+            }
+            Event::Encoder(encoder) => {
+                tracing::warn!("{:.1} s: {}", encoder.at.seconds(), encoder.reason);
+                let [left, right] = &mut self.encoders;
+                *if encoder.wheel == Wheel::Right { right } else { left } = encoder.state;
             }
             Event::Estimate(estimate) => {
                 if self.estimate.is_none() {

@@ -18,6 +18,8 @@ pub(super) struct Lost {
     map_from_odom: Pose2,
     returns: Vec<(Pose2, Beam)>,
     sweeps: u32,
+    /// How far it may have gone before without knowing, metres; only a robot that could not count its wheel has.
+    pub(super) blind_m: Option<f64>,
 }
 
 /// A place is sought from so many sweeps on, and then every few.
@@ -32,7 +34,12 @@ impl Lost {
     /// The doubt begins, with the robot believed at `pose`.
     pub(super) fn new(since: Timestamp, since_sweep: u64, pose: Pose2, odometry: Pose2) -> Self {
         let map_from_odom = pose * odometry.inverse();
-        Self { since, since_sweep, map_from_odom, returns: Vec::with_capacity(MOST_RETURNS), sweeps: 0 }
+        Self { since, since_sweep, map_from_odom, returns: Vec::with_capacity(MOST_RETURNS), sweeps: 0, blind_m: None }
+    }
+
+    /// The robot has gone up to `way_m` without knowing: it is not where it is believed to be, and is sought for as long as it takes.
+    pub(super) fn after_blindness(self, way_m: f64) -> Self {
+        Self { blind_m: Some(way_m), ..self }
     }
 
     /// Keeps what the trusted beams heard, seen from the pose that the wheels alone tell.
@@ -65,6 +72,6 @@ impl Lost {
 
     /// True where seeking on is of no use.
     pub(super) fn is_hopeless(&self) -> bool {
-        self.sweeps >= MOST_SWEEPS
+        self.sweeps >= MOST_SWEEPS && self.blind_m.is_none()
     }
 }

@@ -69,6 +69,7 @@ impl Sampler {
         last.beams.extend(beams(pipeline));
         last.faults.clear();
         last.faults.extend(session.faulty().cloned());
+        last.encoders = session.encoders();
         last.estimate = session.estimate().copied();
         last.calibration = pipeline.calibration();
     }

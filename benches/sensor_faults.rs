@@ -1,0 +1,251 @@
+//! What broken sensors and encoders cost: `cargo bench --no-default-features --bench sensor_faults -- [--seeds 101-120] [--seconds 120]
+//! [--only sensors|encoders|ordinary]`
+//!
+//! Each drive is compared with the same seed's drive without faults. Prints Markdown tables. Tune on seeds 1-20, report on 101-120.
+
+#[path = "../tests/broken/mod.rs"]
+mod broken;
+
+use broken::{Drive, Outcome, Slip};
+use indicatif::ProgressBar;
+use slamd::bench::table::quantile;
+use slamd::event::{EncoderState, SensorState};
+use slamd::sim::fault::SensorFault;
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// A row of a table: what it is called, and its drives.
+struct Row {
+    name: String,
+    drives: Vec<Drive>,
+}
+
+/// From when on what breaks in the middle is broken, seconds.
+const LATE_S: f64 = 40.0;
+const KINDS: [&str; 4] = ["saturated", "missing", "noisy", "stuck"];
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().collect();
+    let (first, last) = option(&arguments, "--seeds", "101-120").split_once('-').expect("--seeds FIRST-LAST");
+    let seeds: Vec<u64> = (first.parse().expect("a seed")..=last.parse().expect("a seed")).collect();
+    let seconds: f64 = option(&arguments, "--seconds", "120").parse().expect("seconds");
+    let only = option(&arguments, "--only", "");
+    let drives = |world, sensors, odometry_errors| {
+        let drive = |&seed: &u64| Drive { world, sensors, odometry_errors, ..Drive::flat(seed, seconds) };
+        seeds.iter().map(drive).collect::<Vec<Drive>>()
+    };
+    for sensors in [32, 16] {
+        let whole = drives("flat", sensors, 1.0);
+        if only.is_empty() || only == "sensors" {
+            println!("\n{sensors} sensors in the flat, drives of {seconds:.0} s\n");
+            compare(&whole, &sensor_rows(&whole));
+        }
+        if only.is_empty() || only == "encoders" {
+            println!("\nEncoders, {sensors} sensors in the flat, drives of {seconds:.0} s\n");
+            compare(&whole, &encoder_rows(&whole));
+        }
+    }
+    if only.is_empty() || only == "ordinary" {
+        println!("\nWhole encoders, drives of {seconds:.0} s\n");
+        ordinary(&drives);
+    }
+}
+
+fn option<'a>(arguments: &'a [String], name: &str, default: &'a str) -> &'a str {
+    let place = arguments.iter().position(|argument| argument == name);
+    place.and_then(|place| arguments.get(place + 1)).map_or(default, String::as_str)
+}
+
+/// Numbers without a pattern that follow from a seed.
+fn shuffled(sensors: u8, seed: u64) -> Vec<u8> {
+    let mut left: Vec<u8> = (0..sensors).collect();
+    let mut state = seed;
+    let mut draw = |below: usize| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        usize::try_from(state >> 33).unwrap_or_default() % below
+    };
+    std::iter::from_fn(|| (!left.is_empty()).then(|| left.swap_remove(draw(left.len())))).collect()
+}
+
+fn sensor_rows(whole: &[Drive]) -> Vec<Row> {
+    let mut rows = Vec::new();
+    let mut row = |name: String, broken: &dyn Fn(&Drive) -> Vec<(u8, &'static str)>, from_s: f64| {
+        let breaks = |drive: &Drive| {
+            let faults = broken(drive).into_iter().map(|(sensor, kind)| fault(sensor, kind, from_s)).collect();
+            Drive { sensor_faults: faults, ..drive.clone() }
+        };
+        rows.push(Row { name, drives: whole.iter().map(breaks).collect() });
+    };
+    for kind in KINDS {
+        let one = |drive: &Drive| vec![(shuffled(drive.sensors, drive.seed)[0], kind)];
+        row(format!("one {kind}"), &one, LATE_S);
+    }
+    for kind in KINDS {
+        let eight = |drive: &Drive| shuffled(drive.sensors, drive.seed)[..8].iter().map(|&s| (s, kind)).collect();
+        row(format!("8 {kind}"), &eight, LATE_S);
+    }
+    let mixed = |drive: &Drive| {
+        let sensors = shuffled(drive.sensors, drive.seed);
+        sensors[..8].iter().zip(KINDS.iter().cycle()).map(|(&sensor, &kind)| (sensor, kind)).collect()
+    };
+    row("8 of all kinds".into(), &mixed, LATE_S);
+    row("8 of all kinds, from the start".into(), &mixed, 0.0);
+    for (from_s, when) in [(LATE_S, ""), (0.0, ", from the start")] {
+        for kind in KINDS {
+            let half = |drive: &Drive| (1..drive.sensors / 2).map(|sensor| (sensor, kind)).collect();
+            row(format!("left side {kind}{when}"), &half, from_s);
+        }
+    }
+    rows
+}
+
+fn fault(sensor: u8, kind: &str, from_s: f64) -> SensorFault {
+    SensorFault { sensor, kind: kind.parse().expect("a kind"), from_s, until_s: f64::INFINITY }
+}
+
+fn encoder_rows(whole: &[Drive]) -> Vec<Row> {
+    let mut rows = Vec::new();
+    for (from_s, when) in [(LATE_S, ""), (0.0, ", from the start")] {
+        for (wheel, kind) in [("left", "dead"), ("right", "dead"), ("left", "reversed"), ("right", "reversed")] {
+            let fault = format!("{wheel}:{kind}@{from_s}").parse().expect("a fault");
+            let breaks = |drive: &Drive| Drive { encoder_faults: vec![fault], ..drive.clone() };
+            rows.push(Row { name: format!("{wheel} {kind}{when}"), drives: whole.iter().map(breaks).collect() });
+        }
+    }
+    rows
+}
+
+/// Runs all drives on all cores.
+fn run(drives: &[&Drive]) -> Vec<Outcome> {
+    let (next, bar) = (AtomicUsize::new(0), ProgressBar::new(drives.len() as u64));
+    let outcomes = Mutex::new(BTreeMap::new());
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    std::thread::scope(|scope| {
+        for _ in 0..cores {
+            scope.spawn(|| {
+                loop {
+                    let place = next.fetch_add(1, Ordering::Relaxed);
+                    let Some(drive) = drives.get(place) else { break };
+                    let outcome = drive.run();
+                    outcomes.lock().expect("no drive panics").insert(place, outcome);
+                    bar.inc(1);
+                }
+            });
+        }
+    });
+    bar.finish_and_clear();
+    outcomes.into_inner().expect("no drive panics").into_values().collect()
+}
+
+fn compare(whole: &[Drive], rows: &[Row]) {
+    let drives: Vec<&Drive> = whole.iter().chain(rows.iter().flat_map(|row| &row.drives)).collect();
+    let mut outcomes = run(&drives);
+    let broken = outcomes.split_off(whole.len());
+    println!(
+        "| broken | found | latency s, median / p90 | ATE m, median | ratio to whole, median / p90 / worst | above 1.5 | of their sweeps that are off, said | false alarms |"
+    );
+    println!("|---|---|---|---|---|---|---|---|");
+    for (row, outcomes_of) in rows.iter().zip(broken.chunks(whole.len())) {
+        print_row(row, outcomes_of, &outcomes);
+    }
+    let ates: Vec<f64> = outcomes.iter().map(|outcome| outcome.ate_m).collect();
+    println!("\nwhole: ATE {:.3} m, median", quantile(&ates, 0.5));
+}
+
+fn print_row(row: &Row, broken: &[Outcome], whole: &[Outcome]) {
+    let (mut latencies_s, mut faults, mut alarms) = (Vec::new(), 0, 0);
+    let (mut ratios, mut shares) = (Vec::new(), Vec::new());
+    for ((drive, outcome), whole) in row.drives.iter().zip(broken).zip(whole) {
+        faults += drive.sensor_faults.len() + drive.encoder_faults.len();
+        latencies_s.extend(found_s(drive, outcome));
+        alarms += false_alarms(drive, outcome);
+        let ratio = outcome.ate_m / whole.ate_m;
+        ratios.push(ratio);
+        if ratio > 1.5 {
+            shares.extend(outcome.covered(whole));
+        }
+        if std::env::var_os("VERBOSE").is_some() {
+            eprintln!("{} {}: ratio {ratio:.2}, covered {:?}", row.name, drive.seed, outcome.covered(whole));
+            let words = |lock: &slamd::event::LockEvent| format!("{:.1} {:?}", lock.at.seconds(), lock.change);
+            eprintln!("    {:?}", outcome.locks.iter().map(words).collect::<Vec<_>>());
+            let words = |e: &slamd::event::EncoderEvent| format!("{:.1} {:?} {:?}", e.at.seconds(), e.wheel, e.state);
+            eprintln!("    {:?}", outcome.encoders.iter().map(words).collect::<Vec<_>>());
+        }
+    }
+    let above = ratios.iter().filter(|ratio| **ratio > 1.5).count();
+    let ates: Vec<f64> = broken.iter().map(|outcome| outcome.ate_m).collect();
+    let said = if shares.is_empty() {
+        "-".into()
+    } else {
+        format!("{:.2} / {:.2}", quantile(&shares, 0.0), quantile(&shares, 0.5))
+    };
+    println!(
+        "| {} | {} of {faults} | {:.1} / {:.1} | {:.3} | {:.2} / {:.2} / {:.2} | {above} of {} | {said} | {alarms} |",
+        row.name,
+        latencies_s.len(),
+        quantile(&latencies_s, 0.5),
+        quantile(&latencies_s, 0.9),
+        quantile(&ates, 0.5),
+        quantile(&ratios, 0.5),
+        quantile(&ratios, 0.9),
+        quantile(&ratios, 1.0),
+        broken.len(),
+    );
+}
+
+/// Seconds from each fault until it was told, of those that were.
+fn found_s(drive: &Drive, outcome: &Outcome) -> Vec<f64> {
+    let sensors = drive.sensor_faults.iter().filter_map(|fault| {
+        let is_it = |sensor: usize| sensor == usize::from(fault.sensor);
+        let told = outcome.faults.iter().filter(|told| is_it(told.sensor) && told.state != SensorState::Healthy);
+        told.map(|told| told.at.seconds() - fault.from_s).find(|latency_s| *latency_s >= 0.0)
+    });
+    let encoders = drive.encoder_faults.iter().filter_map(|fault| {
+        let told = outcome.encoders.iter().find(|told| is_right(drive, told))?;
+        Some(told.at.seconds() - fault.from_s)
+    });
+    sensors.chain(encoders).collect()
+}
+
+/// Whether an encoder's verdict names what is broken.
+fn is_right(drive: &Drive, told: &slamd::event::EncoderEvent) -> bool {
+    drive.encoder_faults.iter().any(|fault| {
+        let words = format!("{:?} {:?}", fault.wheel, fault.kind);
+        told.state != EncoderState::Healthy
+            && words == format!("{:?} {:?}", told.wheel, told.state)
+            && told.at.seconds() >= fault.from_s
+    })
+}
+
+fn false_alarms(drive: &Drive, outcome: &Outcome) -> usize {
+    let is_broken = |sensor: usize| drive.sensor_faults.iter().any(|fault| usize::from(fault.sensor) == sensor);
+    let sensors =
+        outcome.faults.iter().filter(|told| told.state != SensorState::Healthy && !is_broken(told.sensor)).count();
+    sensors + outcome.encoders.iter().filter(|told| !is_right(drive, told)).count()
+}
+
+/// Drives on whole encoders: every verdict is a false one.
+fn ordinary(drives: &dyn Fn(&'static str, u8, f64) -> Vec<Drive>) {
+    println!("| world | sensors | odometry | drives | verdicts on encoders |");
+    println!("|---|---|---|---|---|");
+    let report = |name: &str, sensors: u8, odometry: &str, drives: &[Drive]| {
+        let outcomes = run(&drives.iter().collect::<Vec<_>>());
+        let verdicts: usize = outcomes.iter().map(|outcome| outcome.encoders.len()).sum();
+        for (drive, outcome) in drives.iter().zip(&outcomes).filter(|(_, outcome)| !outcome.encoders.is_empty()) {
+            eprintln!("{name} {}: {:?}", drive.seed, outcome.encoders);
+        }
+        println!("| {name} | {sensors} | {odometry} | {} | {verdicts} |", drives.len());
+    };
+    for world in ["flat", "office", "furnished", "home", "room"] {
+        for (sensors, odometry_errors) in [(32, 1.0), (32, 3.0), (16, 1.0), (8, 1.0)] {
+            report(world, sensors, &odometry_errors.to_string(), &drives(world, sensors, odometry_errors));
+        }
+    }
+    let slips = [("both wheels slip 0.5 m", [0.5, 0.5]), ("left wheel slips 0.5 m", [0.5, 0.0])];
+    for (name, metres) in slips {
+        let slip = Some(Slip { at_s: LATE_S, metres });
+        let drives: Vec<Drive> = drives("flat", 32, 1.0).into_iter().map(|drive| Drive { slip, ..drive }).collect();
+        report(name, 32, "1", &drives);
+    }
+}

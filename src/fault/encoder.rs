@@ -1,0 +1,237 @@
+//! Which wheel encoders to distrust: one that stands still while the walls go by, one that counts backwards.
+//!
+//! Whenever the wheels have rolled far enough, the ring's last readings are compared with those before ([`super::profile`]): as the encoders
+//! tell the motion, and as they would tell it were one of them reversed, or, where one does not count, had its wheel rolled
+//! after all. How much better the other motion explains the readings adds to a log-likelihood ratio of that fault, clamped below at zero: a cumulative
+//! sum (Page, Continuous inspection schemes, 1954), whose last zero tells when the fault began. A turn that is told wrongly by half a radian
+//! each time is nothing that wheels of other sizes or slip could look like.
+
+use super::profile::{Comparer, Endpoints};
+use crate::event::{EncoderEvent, EncoderState, Event, Wheel};
+use crate::geometry::Ring;
+use crate::sweep::Sweep;
+
+/// Watches both encoders.
+#[derive(Clone, Debug)]
+pub struct EncoderWatch {
+    comparer: Comparer,
+    base_m: f64,
+    before: Endpoints,
+    /// The sweep that `before` was heard in; none where it must be taken anew.
+    since_sweep: Option<u64>,
+    /// What the encoders have told since then, left and right, metres.
+    rolled_m: [f64; 2],
+    trials: [Trial; 2],
+    is_reversed: [bool; 2],
+}
+
+/// The evidence against one encoder.
+#[derive(Clone, Copy, Debug, Default)]
+struct Trial {
+    state: EncoderState,
+    dead: Sum,
+    reversed: Sum,
+    /// Steps in a row in which a dead encoder counted.
+    counted: u32,
+}
+
+/// A cumulative sum, and the last sweep that left nothing of it; none where none ever did.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sum {
+    ratio: f64,
+    zero_sweep: Option<u64>,
+}
+
+/// An encoder that was found to be broken, or whole again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EncoderChange {
+    /// Its wheel.
+    pub wheel: Wheel,
+    /// What it was.
+    pub before: EncoderState,
+    /// What it is.
+    pub state: EncoderState,
+    /// The last sweep up to which its counts were right; none where none ever was.
+    pub since_sweep: Option<u64>,
+}
+
+/// The sweeps are compared each time a wheel has rolled this far, metres: then a wheel that is told wrongly turns the robot
+/// by more than the angle between two sensors.
+const STEP_M: f64 = 0.15;
+/// Older readings than so many sweeps compare badly.
+const MOST_SWEEPS: u64 = 40;
+/// A wheel that has rolled less than this says nothing of its direction, metres.
+const LEAST_ROLLED_M: f64 = 0.05;
+/// An encoder with less than this share of the other's count does not count.
+const DEAD_SHARE: f64 = 0.02;
+/// How a wheel that does not count may have rolled, as shares of the other's way.
+const ROLLED_SHARES: [f64; 10] = [-1.4, -1.1, -0.8, -0.5, 0.4, 0.6, 0.8, 1.0, 1.2, 1.4];
+/// What a difference of the mean costs weighs: as many endpoints as are independent. One step adds no more than the other.
+const GAIN: f64 = 3.0;
+const MOST_ADDED: f64 = 3.0;
+/// Above this an encoder is convicted; above the other it is suspected.
+const CONVICT: f64 = 12.0;
+const SUSPECT: f64 = 3.0;
+/// A dead encoder that counts in so many steps in a row counts again.
+const COUNTED_STEPS: u32 = 4;
+
+impl EncoderWatch {
+    /// A watch over encoders that begin healthy.
+    #[must_use]
+    pub fn new(ring: &Ring, base_m: f64) -> Self {
+        let comparer = Comparer::new(ring);
+        let before = comparer.room();
+        Self {
+            comparer,
+            base_m,
+            before,
+            since_sweep: None,
+            rolled_m: [0.0; 2],
+            trials: [Trial::default(); 2],
+            is_reversed: [false; 2],
+        }
+    }
+
+    /// Which encoders' counts are to be taken with the sign turned over, left and right.
+    #[must_use]
+    pub fn is_reversed(&self) -> [bool; 2] {
+        self.is_reversed
+    }
+
+    /// True while so much speaks against an encoder that nothing should be learnt from where it puts the robot.
+    #[must_use]
+    pub fn is_suspected(&self) -> bool {
+        self.scores().as_flattened().iter().any(|ratio| *ratio > SUSPECT)
+    }
+
+    /// The evidence that the left, the right encoder is dead, reversed: proven from 12 on.
+    #[must_use]
+    pub fn scores(&self) -> [[f64; 2]; 2] {
+        self.trials.map(|trial| [trial.dead.ratio, trial.reversed.ratio])
+    }
+
+    /// Weighs one sweep; what has changed, where something has.
+    pub fn inspect(
+        &mut self,
+        sweep: &Sweep,
+        is_trusted: impl Fn(usize) -> bool,
+        events: &mut Vec<Event>,
+    ) -> Option<EncoderChange> {
+        let told_m = [sweep.left_m, sweep.right_m];
+        let Some(since_sweep) = self.since_sweep else {
+            self.look(sweep, is_trusted);
+            return None;
+        };
+        self.rolled_m = [0, 1].map(|wheel| self.rolled_m[wheel] + told_m[wheel]);
+        let [left_m, right_m] = self.rolled_m;
+        if left_m.abs().max(right_m.abs()) >= STEP_M {
+            self.weigh(sweep, &is_trusted);
+            self.look(sweep, is_trusted);
+        } else if sweep.index.saturating_sub(since_sweep) > MOST_SWEEPS {
+            self.look(sweep, is_trusted);
+        }
+        let change = self.verdict()?;
+        let reason = reason(&change);
+        let EncoderChange { wheel, state, .. } = change;
+        events.push(Event::Encoder(EncoderEvent { at: sweep.at, wheel, state, reason }));
+        Some(change)
+    }
+
+    /// Takes this sweep to compare with.
+    fn look(&mut self, sweep: &Sweep, is_trusted: impl Fn(usize) -> bool) {
+        self.comparer.endpoints(sweep, is_trusted, &mut self.before);
+        (self.since_sweep, self.rolled_m) = (Some(sweep.index), [0.0; 2]);
+    }
+
+    /// Compares this sweep with the one before.
+    fn weigh(&mut self, sweep: &Sweep, is_trusted: impl Fn(usize) -> bool) {
+        let rolled_m = self.rolled_m;
+        let cost = |rolled_m| self.comparer.cost(&self.before, sweep, &is_trusted, rolled_m, self.base_m);
+        let Some(told) = cost(rolled_m) else { return };
+        let counts = [0, 1].map(|wheel| rolled_m[wheel].abs() > DEAD_SHARE * rolled_m[1 - wheel].abs());
+        let is_dead = self.trials.map(|trial| trial.state == EncoderState::Dead);
+        let mut dead = [None; 2];
+        let mut reversed = [None; 2];
+        for wheel in 0..2 {
+            let other_m = rolled_m[1 - wheel];
+            if !counts[wheel] && !is_dead[wheel] {
+                let costs = ROLLED_SHARES.iter().filter_map(|share| cost(with(rolled_m, wheel, share * other_m)));
+                dead[wheel] = costs.min_by(f64::total_cmp);
+            }
+            if counts == [true; 2] && is_dead == [false; 2] && rolled_m[wheel].abs() > LEAST_ROLLED_M {
+                reversed[wheel] = cost(with(rolled_m, wheel, -rolled_m[wheel]));
+            }
+        }
+        for wheel in 0..2 {
+            let trial = &mut self.trials[wheel];
+            trial.counted = if counts[wheel] { trial.counted + 1 } else { 0 };
+            if let Some(cost) = dead[wheel] {
+                trial.dead.add(told - cost, sweep.index);
+            } else if counts[wheel] {
+                trial.dead = Sum { ratio: 0.0, zero_sweep: Some(sweep.index) };
+            }
+            if let Some(cost) = reversed[wheel] {
+                // The other encoder may be the reversed one.
+                let rival = reversed[1 - wheel].map_or(told, |other| other.min(told));
+                trial.reversed.add(rival - cost, sweep.index);
+            }
+        }
+    }
+
+    fn verdict(&mut self) -> Option<EncoderChange> {
+        let guilty = |trial: &Trial| trial.state != EncoderState::Dead && trial.dead.ratio >= CONVICT;
+        let backwards = |trial: &Trial| trial.reversed.ratio >= CONVICT;
+        let healed = |trial: &Trial| trial.state == EncoderState::Dead && trial.counted >= COUNTED_STEPS;
+        let changed = |trial: &Trial| guilty(trial) || backwards(trial) || healed(trial);
+        let place = self.trials.iter().position(changed)?;
+        let trial = &mut self.trials[place];
+        let (before, dead, reversed) = (trial.state, trial.dead, trial.reversed);
+        let is_reversed = &mut self.is_reversed[place];
+        let since_sweep;
+        if guilty(trial) {
+            (trial.state, since_sweep) = (EncoderState::Dead, dead.zero_sweep);
+        } else {
+            since_sweep = reversed.zero_sweep;
+            *is_reversed ^= backwards(trial);
+            trial.state = if *is_reversed { EncoderState::Reversed } else { EncoderState::Healthy };
+        }
+        let state = trial.state;
+        for trial in &mut self.trials {
+            *trial = Trial { state: trial.state, ..Trial::default() };
+        }
+        // The sweeps to come are told otherwise than this one was.
+        self.since_sweep = None;
+        Some(EncoderChange { wheel: Wheel::BOTH[place], before, state, since_sweep })
+    }
+}
+
+impl Sum {
+    /// Adds what a step that ends with the sweep `now` says.
+    fn add(&mut self, difference: f64, now: u64) {
+        let added = (GAIN * difference).clamp(-MOST_ADDED, MOST_ADDED);
+        self.ratio = (self.ratio + added).max(0.0);
+        if self.ratio <= 0.0 && added < 0.0 {
+            self.zero_sweep = Some(now);
+        }
+    }
+}
+
+/// What the wheels rolled where one of them rolled otherwise.
+fn with(mut rolled_m: [f64; 2], wheel: usize, otherwise_m: f64) -> [f64; 2] {
+    rolled_m[wheel] = otherwise_m;
+    rolled_m
+}
+
+fn reason(change: &EncoderChange) -> String {
+    let wheel = change.wheel.word();
+    match (change.before, change.state) {
+        (_, EncoderState::Dead) => format!(
+            "the {wheel} encoder stands still while the walls go by: the robot's place is unknown until it counts; check its supply and its two wires"
+        ),
+        (_, EncoderState::Reversed) => format!(
+            "the {wheel} encoder counts backwards: swap its two wires; until then its counts are taken with the sign turned over"
+        ),
+        (EncoderState::Reversed, _) => format!("the {wheel} encoder counts forwards again"),
+        (_, EncoderState::Healthy) => format!("the {wheel} encoder counts again"),
+    }
+}

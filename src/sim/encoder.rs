@@ -1,0 +1,115 @@
+//! Broken wheel encoders: which, how and from when. The robot drives on; only what the board counts is wrong.
+
+use std::str::FromStr;
+
+/// The wheel whose encoder is broken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wheel {
+    /// The left one.
+    Left,
+    /// The right one.
+    Right,
+}
+
+/// In which way an encoder is broken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EncoderFaultKind {
+    /// Its count stands still.
+    Dead,
+    /// It counts backwards.
+    Reversed,
+}
+
+/// One broken encoder.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EncoderFault {
+    /// The wheel.
+    pub wheel: Wheel,
+    /// In which way it is broken.
+    pub kind: EncoderFaultKind,
+    /// Seconds from the session's start until it breaks.
+    pub from_s: f64,
+    /// Seconds from the session's start until it is whole again; infinite for good.
+    pub until_s: f64,
+}
+
+impl FromStr for EncoderFault {
+    type Err = String;
+
+    /// Reads `left:dead`, `right:reversed@SECONDS` or `right:reversed@SECONDS-SECONDS`; the `s` may be left out.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let malformed = || format!("encoder fault \"{text}\" is not WHEEL:KIND@TIME, for example left:dead@30s");
+        let (wheel, rest) = text.split_once(':').ok_or_else(malformed)?;
+        let (kind, span) = rest.split_once('@').unwrap_or((rest, "0"));
+        let (from, until) = span.split_once('-').map_or((span, None), |(from, until)| (from, Some(until)));
+        let seconds = |time: &str| {
+            let parsed = time.strip_suffix('s').unwrap_or(time).parse().ok();
+            parsed.filter(|s: &f64| s.is_finite() && *s >= 0.0).ok_or_else(|| {
+                format!("encoder fault \"{text}\": \"{time}\" is not a time in seconds, for example 30s")
+            })
+        };
+        let wheel = match wheel {
+            "left" => Wheel::Left,
+            "right" => Wheel::Right,
+            _ => return Err(format!("encoder fault \"{text}\": \"{wheel}\" is neither left nor right")),
+        };
+        let kind = match kind {
+            "dead" => EncoderFaultKind::Dead,
+            "reversed" => EncoderFaultKind::Reversed,
+            _ => return Err(format!("encoder fault \"{text}\": \"{kind}\" is neither dead nor reversed")),
+        };
+        Ok(Self { wheel, kind, from_s: seconds(from)?, until_s: until.map_or(Ok(f64::INFINITY), seconds)? })
+    }
+}
+
+/// Turns true counts into those of broken encoders.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Encoders {
+    schedule: Vec<EncoderFault>,
+    true_ticks: [i32; 2],
+    told_ticks: [i32; 2],
+}
+
+impl Encoders {
+    pub(super) fn new(schedule: Vec<EncoderFault>) -> Self {
+        Self { schedule, ..Self::default() }
+    }
+
+    /// What the encoders have counted at `at_s` seconds, left and right, where the true wheels have turned by `ticks`.
+    pub(super) fn counts(&mut self, at_s: f64, ticks: [i32; 2]) -> [i32; 2] {
+        for (place, wheel) in [Wheel::Left, Wheel::Right].into_iter().enumerate() {
+            let step = ticks[place].wrapping_sub(self.true_ticks[place]);
+            let is_on = |f: &&EncoderFault| f.wheel == wheel && f.from_s <= at_s && at_s < f.until_s;
+            let told = match self.schedule.iter().find(is_on).map(|fault| fault.kind) {
+                None => step,
+                Some(EncoderFaultKind::Dead) => 0,
+                Some(EncoderFaultKind::Reversed) => step.wrapping_neg(),
+            };
+            self.told_ticks[place] = self.told_ticks[place].wrapping_add(told);
+        }
+        self.true_ticks = ticks;
+        self.told_ticks
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_dead_encoder_stands_and_a_reversed_one_runs_back() {
+        let mut encoders = Encoders::new(vec!["left:dead@2-4".parse().unwrap(), "right:reversed@3s".parse().unwrap()]);
+        let told: Vec<_> =
+            (1..=5).map(|second| encoders.counts(f64::from(second), [10 * second, 20 * second])).collect();
+        assert_eq!(told, [[10, 20], [10, 40], [10, 20], [20, 0], [30, -20]]);
+    }
+
+    #[test]
+    fn errors_speak_in_words() {
+        let error = |text: &str| text.parse::<EncoderFault>().unwrap_err();
+        assert!(error("left").contains("is not WHEEL:KIND@TIME"));
+        assert!(error("middle:dead").contains("\"middle\" is neither left nor right"));
+        assert!(error("left:odd").contains("\"odd\" is neither dead nor reversed"));
+        assert!(error("left:dead@soon").contains("\"soon\" is not a time"));
+    }
+}

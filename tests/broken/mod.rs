@@ -1,0 +1,184 @@
+//! A drive with broken sensors or encoders, beside the same drive with whole ones.
+
+#![allow(dead_code, reason = "each user takes what it needs")]
+
+use slamd::capture::Record;
+use slamd::config::Config;
+use slamd::event::{EncoderEvent, Estimate, Event, FaultEvent, Input, LockChange, LockEvent, Output};
+use slamd::geometry::Pose2;
+use slamd::metrics::{Pair, Pairing};
+use slamd::pipeline::Pipeline;
+use slamd::sim::encoder::EncoderFault;
+use slamd::sim::fault::{FaultMix, SensorFault};
+use slamd::sim::link::LinkFaults;
+use slamd::sim::simulation::{SimConfig, Simulation, session};
+use slamd::sim::sonar::BeamShape;
+use slamd::sim::world::World;
+use slamd::time::Timestamp;
+use slamd_protocol::{FrameDecoder, FrameEncoder, Message};
+
+/// What is driven, and what breaks.
+#[derive(Clone, Debug)]
+pub(crate) struct Drive {
+    pub(crate) world: &'static str,
+    pub(crate) sensors: u8,
+    pub(crate) seed: u64,
+    pub(crate) seconds: f64,
+    pub(crate) odometry_errors: f64,
+    pub(crate) sensor_faults: Vec<SensorFault>,
+    pub(crate) encoder_faults: Vec<EncoderFault>,
+    /// Wheels that spin on the spot.
+    pub(crate) slip: Option<Slip>,
+}
+
+/// Wheels that spin on the spot for half a second.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Slip {
+    pub(crate) at_s: f64,
+    /// How far each rolls for nothing, left and right, metres.
+    pub(crate) metres: [f64; 2],
+}
+
+/// What came of it.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Outcome {
+    /// Root mean square and greatest error of the position, aligned with the truth at the first pose only, metres.
+    pub(crate) ate_m: f64,
+    pub(crate) worst_m: f64,
+    /// Every sweep's error and what two standard deviations of the position say, metres, and whether the pose was called uncertain.
+    pub(crate) sweeps: Vec<(f64, f64, bool)>,
+    pub(crate) faults: Vec<FaultEvent>,
+    pub(crate) encoders: Vec<EncoderEvent>,
+    pub(crate) locks: Vec<LockEvent>,
+}
+
+/// A true fault's sensor counts as found where it is called faulty after the fault has begun.
+pub(crate) const LEAST_ERROR_M: f64 = 0.05;
+
+impl Drive {
+    /// The flat with 32 sensors.
+    pub(crate) fn flat(seed: u64, seconds: f64) -> Self {
+        Self {
+            world: "flat",
+            sensors: 32,
+            seed,
+            seconds,
+            odometry_errors: 1.0,
+            sensor_faults: Vec::new(),
+            encoder_faults: Vec::new(),
+            slip: None,
+        }
+    }
+
+    /// Drives and estimates.
+    pub(crate) fn run(&self) -> Outcome {
+        let mut pipeline = Pipeline::new(&Config::default());
+        let (mut pairing, mut pairs) = (Pairing::<Estimate>::default(), Vec::new());
+        let mut outcome = Outcome::default();
+        let mut slipping = Slipping { decoder: FrameDecoder::new(), encoder: FrameEncoder::new() };
+        for record in session(self.simulation()) {
+            match self.slip.map_or_else(|| record.clone(), |slip| slipping.slipped(slip, record.clone())) {
+                Record::Received { at, bytes } if !bytes.is_empty() => {
+                    pipeline.handle(Input::Received { at, bytes: &bytes });
+                }
+                Record::Received { .. } => {}
+                Record::Sent { at, bytes } => pipeline.handle(Input::Sent { at, bytes: &bytes }),
+                Record::Truth { at, pose } => pairing.truth(at, pose),
+            }
+            while let Some(output) = pipeline.poll_output() {
+                match output {
+                    Output::Event(Event::Estimate(estimate)) => pairing.estimate(estimate.at, estimate),
+                    Output::Event(Event::Fault(fault)) => outcome.faults.push(fault),
+                    Output::Event(Event::Encoder(encoder)) => outcome.encoders.push(encoder),
+                    Output::Event(Event::Lock(lock)) => outcome.locks.push(lock),
+                    _ => {}
+                }
+            }
+            pairs.extend(std::iter::from_fn(|| pairing.next_pair()));
+        }
+        outcome.compare(&pairs);
+        outcome
+    }
+
+    fn simulation(&self) -> Simulation {
+        Simulation::new(SimConfig {
+            world: World::named(self.world).expect("a built-in world"),
+            seed: self.seed,
+            duration_s: self.seconds,
+            mix: FaultMix::None,
+            faults: self.sensor_faults.clone(),
+            beam: BeamShape::Cone,
+            sensors: self.sensors,
+            odometry_errors: self.odometry_errors,
+            clock_drift_ppm: 300.0,
+            link: LinkFaults::default(),
+        })
+        .with_encoder_faults(self.encoder_faults.clone())
+    }
+}
+
+impl Outcome {
+    fn compare(&mut self, pairs: &[Pair<Estimate>]) {
+        let Some(first) = pairs.first() else { return };
+        let world_from_map: Pose2 = first.truth * first.estimate.pose.inverse();
+        let mut sum_m2 = 0.0;
+        for pair in pairs {
+            let error_m = ((world_from_map * pair.estimate.pose).position() - pair.truth.position()).norm();
+            let cov = pair.estimate.covariance;
+            let (mean, half) = (0.5 * (cov[(0, 0)] + cov[(1, 1)]), 0.5 * (cov[(0, 0)] - cov[(1, 1)]));
+            let greatest = mean + half.hypot(cov[(0, 1)]);
+            self.sweeps.push((error_m, 2.0 * greatest.sqrt(), self.is_uncertain(pair.at)));
+            sum_m2 += error_m * error_m;
+            self.worst_m = self.worst_m.max(error_m);
+        }
+        self.ate_m = (sum_m2 / pairs.len() as f64).sqrt();
+    }
+
+    /// Whether the lock's events call the pose of that time uncertain.
+    fn is_uncertain(&self, at: Timestamp) -> bool {
+        let mut until = self.locks.iter().filter(|lock| lock.change != LockChange::Lost);
+        let ended = until.any(|lock| (lock.since..=lock.at).contains(&at));
+        let open = self.locks.last().filter(|lock| lock.change == LockChange::Lost);
+        ended || open.is_some_and(|lock| at >= lock.since)
+    }
+
+    /// Of the sweeps that are farther off than 1.5 times the whole drive's greatest error, the share that say so; none where there are none.
+    pub(crate) fn covered(&self, whole: &Self) -> Option<f64> {
+        let limit_m = (1.5 * whole.worst_m).max(LEAST_ERROR_M);
+        let off: Vec<_> = self.sweeps.iter().filter(|(error_m, ..)| *error_m > limit_m).collect();
+        let said = off.iter().filter(|(error_m, told_m, uncertain)| *uncertain || error_m <= told_m).count();
+        (!off.is_empty()).then(|| said as f64 / off.len() as f64)
+    }
+}
+
+/// Puts a slip into what the board says.
+struct Slipping {
+    decoder: FrameDecoder,
+    encoder: FrameEncoder,
+}
+
+/// The default wheels: 2 pi 0.035 m in 1440 ticks.
+const METRES_PER_TICK: f64 = 0.219_911_5 / 1440.0;
+
+impl Slipping {
+    fn slipped(&mut self, slip: Slip, record: Record) -> Record {
+        let Record::Received { at, bytes } = record else { return record };
+        let share = ((at.seconds() - slip.at_s) / 0.5).clamp(0.0, 1.0);
+        #[expect(clippy::cast_possible_truncation, reason = "some thousand ticks")]
+        let ticks = slip.metres.map(|metres| (share * metres / METRES_PER_TICK) as i32);
+        let mut out = Vec::new();
+        for byte in bytes {
+            let Some(frame) = self.decoder.push(byte) else { continue };
+            let mut message = Message::parse(frame.kind, frame.payload).expect("a whole line");
+            if let Message::Encoder(encoder) = &mut message {
+                (encoder.left_ticks, encoder.right_ticks) =
+                    (encoder.left_ticks + ticks[0], encoder.right_ticks + ticks[1]);
+            }
+            if let Message::Sonar(sonar) = &mut message {
+                (sonar.left_ticks, sonar.right_ticks) = (sonar.left_ticks + ticks[0], sonar.right_ticks + ticks[1]);
+            }
+            out.extend_from_slice(&self.encoder.encode(&message));
+        }
+        Record::Received { at, bytes: out }
+    }
+}
