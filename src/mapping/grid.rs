@@ -150,7 +150,7 @@ impl OccupancyGrid {
     pub fn add(&mut self, cell: Cell, hundredths: i16) {
         if let Some(tile) = self.tile(cell) {
             let value = &mut tile.cells[place_in_tile(cell)];
-            *value = (*value + hundredths).clamp(FLOOR, CEILING);
+            *value = value.saturating_add(hundredths).clamp(FLOOR, CEILING);
         }
     }
 
@@ -270,18 +270,24 @@ impl OccupancyGrid {
 }
 
 const fn tile_of(cell: Cell) -> (i32, i32) {
-    (cell.column.div_euclid(SIDE), cell.row.div_euclid(SIDE))
+    (cell.column >> SIDE.trailing_zeros(), cell.row >> SIDE.trailing_zeros())
 }
 
-#[expect(clippy::cast_sign_loss, reason = "Euclidean remainders are not negative")]
+/// Column and row in the tile.
+#[expect(clippy::cast_sign_loss, reason = "the lowest bits of a number are not negative")]
+const fn in_tile(cell: Cell) -> (usize, usize) {
+    ((cell.column & (SIDE - 1)) as usize, (cell.row & (SIDE - 1)) as usize)
+}
+
 const fn place_in_tile(cell: Cell) -> usize {
-    (cell.row.rem_euclid(SIDE) * SIDE + cell.column.rem_euclid(SIDE)) as usize
+    let (column, row) = in_tile(cell);
+    row << TILE.trailing_zeros() | column
 }
 
 /// Row and column bit in the tile.
-#[allow(clippy::cast_sign_loss, reason = "Euclidean remainders are not negative")]
 const fn bit_in_tile(cell: Cell) -> (usize, u32) {
-    (cell.row.rem_euclid(SIDE) as usize, 1 << cell.column.rem_euclid(SIDE))
+    let (column, row) = in_tile(cell);
+    (row, 1 << column)
 }
 
 #[cfg(test)]
