@@ -151,18 +151,20 @@ fn limits_are_kept_and_told() {
     long.stream.write_all(&[b'x'; 65 << 10]).unwrap();
     long.expect_end("more than 65536 bytes");
     served.daemon.expect("its line does not end", SOON);
-    let mut clients: Vec<Client> = (0..63).map(|_| Served::client(&address)).collect();
-    clients.iter_mut().for_each(|client| drop(client.expect("VERSION")));
+    drop(long);
+    let is_in = |client: &mut Client| client.next().is_some_and(|line| line["class"] == "VERSION");
+    let mut clients = Vec::new();
+    while clients.len() < 63 {
+        let mut client = Served::client(&address);
+        if is_in(&mut client) {
+            clients.push(client);
+        }
+    }
     let mut surplus = Served::client(&address);
     surplus.ask("?POLL;");
     surplus.expect_end("too many clients");
     clients.pop();
-    let mut again = (0..100).map(|_| {
-        std::thread::yield_now();
-        Served::client(&address)
-    });
-    let is_in = again.any(|mut client| client.next().is_some_and(|line| line["class"] == "VERSION"));
-    assert!(is_in, "there is room again");
+    while !is_in(&mut Served::client(&address)) {}
     idle.expect_end("idle for 20 s");
     served.daemon.end();
 }
@@ -179,8 +181,11 @@ fn who_reads_nothing_is_dropped_and_the_pipeline_loses_nothing() {
     bad.stream.set_write_timeout(Some(Duration::from_millis(200))).unwrap();
     bad.ask("?WATCH={\"sweep_hz\":50,\"pose_hz\":50};");
     let flood = "?VERSION;\n".repeat(1_000);
-    while bad.stream.write_all(flood.as_bytes()).is_ok() && !served.daemon.has_said("it is too slow") {}
-    served.daemon.expect("it is too slow", SOON);
+    let is_dropped = (0..200).any(|_| {
+        let _ = bad.stream.write_all(flood.as_bytes());
+        served.daemon.has_said("it is too slow")
+    });
+    assert!(is_dropped, "it may hold up anything");
     bad.expect_end("too slow");
     // Nobody else has noticed.
     let (mut last, mut sweeps) = (None, 0);
@@ -252,7 +257,7 @@ fn tricks() -> Vec<u8> {
     hello.push(32);
     [1440u32, 0, 0].iter().for_each(|number| hello.extend(number.to_le_bytes()));
     hello.extend(b"slamdsim");
-    hello.extend(b"ev\x1b[2Jil\r\n\x07\xC2\x9B\0\0\0\0");
+    hello.extend(b"ev\x1b[2Jil\r\n\x07\xC2\x9B\0\0\0");
     hello.extend(b"1\x1b]0;x\x07\0\0\0\0\0\0\0\0\0");
     let log = b"\x02hel\x1b[31mlo\rw\norld\x08".to_vec();
     [(1, hello), (0x3F, log)].iter().flat_map(|(kind, payload)| framed(*kind, payload)).collect()

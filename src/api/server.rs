@@ -37,6 +37,8 @@ const MOST_CLIENTS: usize = 64;
 const MOST_PAGES: usize = 8;
 /// Those who are told why they must go.
 const MOST_PARTING: usize = 16;
+/// A map of so long ago need not be copied anew.
+const FRESH: Duration = Duration::from_millis(500);
 /// Without a descriptor nobody is let in for a moment.
 const BREATH: Duration = Duration::from_millis(100);
 
@@ -93,6 +95,7 @@ pub(super) struct Hall {
     pub(super) moment: watch::Sender<Arc<Snapshot>>,
     /// The newest map as a line; none where nothing is known of it.
     pub(super) map: watch::Sender<Option<Bytes>>,
+    mapped: Cell<Option<Timestamp>>,
     clients: Cell<usize>,
     pages: Cell<usize>,
     parting: Cell<usize>,
@@ -108,6 +111,7 @@ impl Hall {
             begin: Instant::now(),
             moment: watch::Sender::default(),
             map: watch::Sender::default(),
+            mapped: Cell::default(),
             clients: Cell::default(),
             pages: Cell::default(),
             parting: Cell::default(),
@@ -127,6 +131,11 @@ impl Hall {
 
     pub(super) fn now(&self) -> Timestamp {
         Timestamp::default() + self.begin.elapsed()
+    }
+
+    /// The newest map, if it is new enough to be sent again: however many ask, it is copied no more than twice a second.
+    pub(super) fn fresh_map(&self, now: Timestamp) -> Option<Option<Bytes>> {
+        self.mapped.get().filter(|mapped| *mapped + FRESH > now).map(|_| self.map.borrow().clone())
     }
 
     pub(super) fn served(&self) -> Served {
@@ -167,6 +176,7 @@ async fn listen(hall: Rc<Hall>) {
                 tracing::warn!("api: a map cannot be drawn: {error}");
                 None
             });
+            hall.mapped.set(Some(hall.now()));
             hall.map.send_replace(line);
         }
         hall.moment.send_replace(Arc::new(snapshot));

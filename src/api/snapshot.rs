@@ -5,7 +5,7 @@ use crate::geometry::Ring;
 use crate::link::LinkState;
 use crate::time::Timestamp;
 
-/// One moment of a session. Filled in place: it allocates only where something has become longer.
+/// One moment of a session. Filled in place, again and again.
 #[derive(Clone, Debug, Default)]
 pub struct Snapshot {
     /// Session time.

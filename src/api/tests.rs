@@ -1,12 +1,15 @@
 //! A client in a time of its own.
 
-use super::{Client, End, Report, Snapshot, Token};
+use super::mailbox::Mailbox;
+use super::{Client, End, Report, Snapshot, Tap, Token};
 use crate::event::{Estimate, FaultEvent, FaultKind, SensorState};
 use crate::geometry::Pose2;
+use crate::link::Link;
 use crate::time::Timestamp;
 use bytes::Bytes;
 use nalgebra::Matrix3;
 use serde_json::Value;
+use std::sync::Arc;
 
 fn at(ms: u64) -> Timestamp {
     Timestamp::from_us(1_000 * ms)
@@ -217,4 +220,23 @@ fn every_report_is_one_line() {
     let line = Report::Error { message }.line();
     assert_eq!(line.iter().filter(|byte| **byte < b' ').count(), 1, "{line:?}");
     assert!(line.ends_with(b"\n"));
+}
+
+#[test]
+fn the_pipelines_thread_copies_what_is_wanted_and_waits_for_nobody() {
+    let mailbox = Arc::<Mailbox>::default();
+    let mut tap = Tap::new(Arc::clone(&mailbox), "robot".into());
+    let mut link = Link::new(115_200);
+    link.closed(at(0), "no port");
+    let seen = || mailbox.open().unwrap().0.snapshot.cause.clone();
+    tap.look(&link, None);
+    assert_eq!(seen(), "", "nobody wants anything");
+    let busy = mailbox.open();
+    mailbox.ask();
+    tap.look(&link, None);
+    drop(busy);
+    assert!(mailbox.is_asked(), "the server was looking: the next time");
+    tap.look(&link, None);
+    assert!(!mailbox.is_asked());
+    assert_eq!(seen(), "no port");
 }

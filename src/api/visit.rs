@@ -50,6 +50,11 @@ where
         if client.is_over(now) {
             break;
         }
+        if client.asks().map
+            && let Some(map) = hall.fresh_map(now)
+        {
+            client.map(now, map.as_ref());
+        }
         let asks = client.asks();
         if asks.moment && !asked.moment {
             hall.mailbox.ask();
