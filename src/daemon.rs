@@ -1,14 +1,13 @@
 //! The only select loop: the serial port, the deadlines, the end.
 
-use crate::handshake;
 use crate::link::{Link, LinkState, Remedy};
 use crate::port::{self, PortName, Trouble};
-use crate::recorder::Recorder;
+use crate::recorder::{Chunk, Recorder};
 use crate::session_file::Saver;
+use crate::source::live::Line;
 use crate::source::session::Session;
 use crate::time::Timestamp;
-use bytes::{Buf, Bytes};
-use std::collections::VecDeque;
+use bytes::Bytes;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::pin::Pin;
 use std::sync::Arc;
@@ -34,6 +33,32 @@ pub struct Options<'a> {
 #[derive(Debug, thiserror::Error)]
 #[error("signals cannot be heard: {0}")]
 pub struct DaemonError(pub std::io::Error);
+
+/// Session time. It goes on while the machine sleeps, as the board's clock and the calendar do.
+#[derive(Clone, Copy, Debug)]
+pub struct SessionClock {
+    begin: Duration,
+}
+
+impl SessionClock {
+    /// A clock that begins now.
+    #[must_use]
+    pub fn begin() -> Self {
+        Self { begin: since_boot() }
+    }
+
+    /// The time now.
+    #[must_use]
+    pub fn now(&self) -> Timestamp {
+        Timestamp::default() + since_boot().saturating_sub(self.begin)
+    }
+}
+
+/// [`Instant`] would stand still while the machine sleeps.
+fn since_boot() -> Duration {
+    let now = rustix::time::clock_gettime(rustix::time::ClockId::Boottime);
+    Duration::new(u64::try_from(now.tv_sec).unwrap_or_default(), u32::try_from(now.tv_nsec).unwrap_or_default())
+}
 
 /// Sees how it fares, between any two steps: the line, and the session once there is one. It must not wait.
 pub type Observer<'a> = dyn FnMut(&Link, Option<&Session>) + 'a;
@@ -95,27 +120,19 @@ const LAST_RETRY: Duration = Duration::from_secs(2);
 pub struct OpenPort {
     name: String,
     stream: SerialStream,
-    /// Frames to be written; of the first, what is left.
-    outgoing: VecDeque<Bytes>,
 }
 
-/// Frames that wait for a port that takes none; what is older has become useless.
-const MOST_OUTGOING: usize = 16;
 const CHUNK: usize = 4096;
 
 /// What went over the line.
 enum Traffic {
     /// With the instant when the read returned.
     Read(Instant, Bytes),
-    Wrote(Bytes),
+    /// So many of the outgoing bytes.
+    Wrote(usize),
 }
 
 impl OpenPort {
-    fn queue(&mut self, frames: impl IntoIterator<Item = Bytes>) {
-        let room = MOST_OUTGOING.saturating_sub(self.outgoing.len());
-        self.outgoing.extend(frames.into_iter().take(room));
-    }
-
     /// Does what may bring a silent line back; why the port must be closed, where it must.
     fn heal(&mut self, remedy: Remedy) -> Option<String> {
         match remedy {
@@ -124,23 +141,19 @@ impl OpenPort {
         }
     }
 
-    async fn traffic(&mut self) -> std::io::Result<Traffic> {
-        std::future::poll_fn(|context| self.poll_traffic(context)).await
+    async fn traffic(&mut self, outgoing: Option<&[u8]>) -> std::io::Result<Traffic> {
+        std::future::poll_fn(|context| self.poll_traffic(context, outgoing)).await
     }
 
     #[expect(
         clippy::disallowed_methods,
         reason = "how late a pose is begins here; it is reported, and changes nothing"
     )]
-    fn poll_traffic(&mut self, context: &mut Context<'_>) -> Poll<std::io::Result<Traffic>> {
-        if let Some(first) = self.outgoing.front_mut()
-            && let Poll::Ready(written) = Pin::new(&mut self.stream).poll_write(context, first)
+    fn poll_traffic(&mut self, context: &mut Context<'_>, outgoing: Option<&[u8]>) -> Poll<std::io::Result<Traffic>> {
+        if let Some(outgoing) = outgoing
+            && let Poll::Ready(written) = Pin::new(&mut self.stream).poll_write(context, outgoing)
         {
-            let written = first.split_to(written?.min(first.len()));
-            if !first.has_remaining() {
-                self.outgoing.pop_front();
-            }
-            return Poll::Ready(Ok(Traffic::Wrote(written)));
+            return Poll::Ready(written.map(Traffic::Wrote));
         }
         let mut chunk = [0; CHUNK];
         let mut read = ReadBuf::new(&mut chunk);
@@ -154,13 +167,14 @@ impl OpenPort {
     }
 }
 
-/// Opens the port, and tries for as long as it takes. None where the end was requested first.
+/// Opens the port, and tries for as long as it takes; `now` is session time, zero before there is a session. None where the end was requested first.
 ///
 /// # Errors
 /// Why the port cannot be opened, where nobody shall wait for it.
 pub async fn search(
     options: Options<'_>,
     link: &mut Link,
+    now: impl Fn() -> Timestamp,
     shutdown: &mut Shutdown,
     observe: &mut dyn FnMut(&Link),
 ) -> Result<Option<OpenPort>, Trouble> {
@@ -168,14 +182,14 @@ pub async fn search(
     loop {
         let opened = options.port.resolve().and_then(|path| {
             let stream = port::open(&path, link.baud())?;
-            Ok(OpenPort { name: path.display().to_string(), stream, outgoing: VecDeque::new() })
+            Ok(OpenPort { name: path.display().to_string(), stream })
         });
         let trouble = match opened {
             Ok(opened) => return Ok(Some(opened)),
             Err(trouble) if options.exit_on_hangup => return Err(trouble),
             Err(trouble) => trouble,
         };
-        link.closed(Timestamp::default(), trouble.to_string());
+        link.closed(now(), trouble.to_string());
         tell(link);
         observe(link);
         let wait = if trouble.is_missing() { LOOK } else { retry };
@@ -199,8 +213,8 @@ enum Wake {
 
 /// What a live session feeds.
 pub struct Live<'a> {
-    /// The session's time zero.
-    pub begin: Instant,
+    /// Session time.
+    pub clock: SessionClock,
     /// The pipeline and its outputs.
     pub session: &'a mut Session,
     /// Where the traffic is recorded.
@@ -218,72 +232,70 @@ pub async fn run(
     live: Live<'_>,
     observe: &mut Observer<'_>,
 ) {
-    let Live { begin, session, recorder, saver } = live;
-    let now = || Timestamp::default() + begin.elapsed();
-    link.opened(now(), &port.name, &session.reception());
+    let Live { clock, session, recorder, saver } = live;
+    let now = || clock.now();
+    let mut line = Line::begin(port.name.clone(), now(), link, session);
     let mut statistics = Timestamp::default() + STATISTICS;
     loop {
+        let (link, session) = line.parts();
         tell(link);
         tell_statistics(session, &mut statistics);
         observe(link, Some(session));
-        let deadline = link.deadline().into_iter().fold(session.next_deadline(), Ord::min);
-        let deadline = begin + Duration::from_micros(deadline.us());
+        let wait = Duration::from_micros(line.deadline().us().saturating_sub(now().us()));
         let wake = tokio::select! {
-            traffic = port.traffic() => Wake::Traffic(traffic),
-            () = tokio::time::sleep_until(deadline.into()) => Wake::Deadline,
+            traffic = port.traffic(line.outgoing()) => Wake::Traffic(traffic),
+            () = tokio::time::sleep(wait) => Wake::Deadline,
             () = shutdown.requested() => Wake::End,
         };
-        let at = session.run_until(now());
         let (mut gone, mut hung_up) = (None, false);
-        match wake {
+        let chunk = match wake {
             Wake::Traffic(Ok(Traffic::Read(read, bytes))) => {
-                session.received(at, &bytes);
-                session.delay(read.elapsed());
-                link.heard(at, &bytes, &session.reception());
-                if let Some(recorder) = recorder {
-                    recorder.received(at, bytes);
-                }
+                let chunk = line.read(now(), bytes);
+                line.parts().1.delay(read.elapsed());
+                Some(chunk)
             }
-            Wake::Traffic(Ok(Traffic::Wrote(bytes))) => {
-                session.sent(at, &bytes);
-                if let Some(recorder) = recorder {
-                    recorder.sent(at, bytes);
-                }
+            Wake::Traffic(Ok(Traffic::Wrote(count))) => Some(line.wrote(now(), count)),
+            Wake::Traffic(Err(error)) => {
+                (gone, hung_up) = (Some(format!("{} is gone: {error}", line.port())), true);
+                None
             }
-            Wake::Traffic(Err(error)) => (gone, hung_up) = (Some(format!("{} is gone: {error}", port.name)), true),
-            Wake::Deadline => link.tick(at, &session.reception()),
+            Wake::Deadline => {
+                line.tick(now());
+                None
+            }
             Wake::End => return,
-        }
+        };
+        record(recorder, chunk);
         if let Some(saver) = saver {
-            saver.tick(at, || session.memory());
+            let (_, session) = line.parts();
+            saver.tick(session.now(), || session.memory());
         }
-        gone = gone.or_else(|| port.heal(link.take_remedy()?));
-        port.queue(session.take_transmit());
         if recorder.as_mut().is_some_and(Recorder::take_new_part) {
-            // Each capture of a recording can be replayed by itself: who the board is, and its ring, are heard in each.
-            port.queue(handshake::introduction());
+            line.introduce();
         }
+        gone = gone.or_else(|| port.heal(line.take_remedy()?));
         if let Some(cause) = gone {
-            link.closed(at, cause);
-            tell(link);
+            line.closed(now(), cause);
+            tell(line.parts().0);
             if hung_up && options.exit_on_hangup {
                 return;
             }
             // Closed at once: else the device is renamed when it returns.
             drop(port);
-            let Ok(Some(found)) = search(options, link, shutdown, &mut |link| observe(link, Some(session))).await
-            else {
+            let (link, session) = line.parts();
+            let mut look = |link: &Link| observe(link, Some(session));
+            let Ok(Some(found)) = search(options, link, now, shutdown, &mut look).await else {
                 return;
             };
             port = found;
-            let at = session.run_until(now());
-            session.take_transmit();
-            session.received(at, &[]);
-            if let Some(recorder) = recorder {
-                recorder.received(at, Bytes::new());
-            }
-            link.opened(at, &port.name, &session.reception());
+            record(recorder, Some(line.reopened(port.name.clone(), now())));
         }
+    }
+}
+
+fn record(recorder: &mut Option<Recorder>, chunk: Option<Chunk>) {
+    if let (Some(recorder), Some(chunk)) = (recorder, chunk) {
+        recorder.record(chunk);
     }
 }
 

@@ -65,7 +65,21 @@ const TABLE: &[(&str, &[&str], bool)] = &[
     ("publish", &["time", "geometry", "event", "config", "mapping", "metrics", "pipeline", "private"], true),
     (
         "source",
-        &["link", "time", "geometry", "event", "config", "memory", "pipeline", "capture", "sim", "publish", "metrics"],
+        &[
+            "link",
+            "time",
+            "geometry",
+            "event",
+            "config",
+            "memory",
+            "handshake",
+            "pipeline",
+            "capture",
+            "recorder",
+            "sim",
+            "publish",
+            "metrics",
+        ],
         true,
     ),
     (

@@ -186,7 +186,7 @@ fn recordings_are_their_owners_alone_and_leave_others_in_peace() {
     let name = Folder::numbered(&target, "drive").unwrap();
     std::fs::write(target.join("drive-0002.mcap"), "an old one").unwrap();
     let mut recorder = Recorder::begin(name, info.clone(), plan).unwrap();
-    (0..10).for_each(|i| recorder.received(Timestamp::from_us(i * 100_000), Bytes::from_static(b"abc")));
+    (0..10).for_each(|i| recorder.record(Chunk::Received(Timestamp::from_us(i * 100_000), Bytes::from_static(b"abc"))));
     assert_eq!(recorder.finish(), Losses::default());
     assert_eq!(std::fs::read(target.join("drive-0002.mcap")).unwrap(), b"an old one");
     assert_eq!((mode(&target), mode(&target.join("drive-0001.mcap"))), (0o700, 0o600));

@@ -4,7 +4,7 @@ use super::kept::KeptArgs;
 use super::{Failure, Kind, OutputArgs, terminal};
 use crate::capture::CaptureInfo;
 use crate::config::Config;
-use crate::daemon::{self, Live, Observer, Options, Shutdown};
+use crate::daemon::{self, Live, Observer, Options, SessionClock, Shutdown};
 use crate::event::FaultEvent;
 use crate::link::Link;
 use crate::port::PortName;
@@ -12,8 +12,9 @@ use crate::priority;
 use crate::publish::Summary;
 use crate::recorder::{Losses, Recorder};
 use crate::source::session::Session;
+use crate::time::Timestamp;
 use clap::Args;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use tokio::runtime::Runtime;
 
 const EXAMPLES: &str = "Examples:
@@ -120,13 +121,13 @@ impl LiveArgs {
             tap.iter_mut().for_each(|tap| tap.look(link, None));
             observe(link, None);
         };
-        let port = runtime.block_on(daemon::search(options, &mut link, shutdown, &mut look));
+        let port = runtime.block_on(daemon::search(options, &mut link, Timestamp::default, shutdown, &mut look));
         let Some(port) = port.map_err(|trouble| Failure::new(Kind::Unavailable, trouble.to_string()))? else {
             return Ok(None);
         };
         let mut session = self.kept.begin(config.clone(), &output.out)?;
         let mut saver = self.kept.saver();
-        let (begin, info) = begin(&config);
+        let (clock, info) = begin(&config);
         tap.iter_mut().for_each(|tap| tap.begin(info.unix_zero_us));
         let mut recorder = self.record.begin(info.clone())?;
         #[cfg(feature = "viewer")]
@@ -139,7 +140,7 @@ impl LiveArgs {
         {
             tracing::warn!("{trouble}");
         }
-        let live = Live { begin, session: &mut session, recorder: &mut recorder, saver: &mut saver };
+        let live = Live { clock, session: &mut session, recorder: &mut recorder, saver: &mut saver };
         let mut look = |link: &Link, session: Option<&Session>| {
             tap.iter_mut().for_each(|tap| tap.look(link, session));
             observe(link, session);
@@ -166,8 +167,8 @@ pub(super) fn runtime() -> Result<Runtime, Failure> {
 
 /// The session's time zero, and what its recording says of itself.
 #[expect(clippy::disallowed_methods, reason = "anchors the session's time in the calendar")]
-fn begin(config: &Config) -> (Instant, CaptureInfo) {
-    let begin = Instant::now();
+fn begin(config: &Config) -> (SessionClock, CaptureInfo) {
+    let clock = SessionClock::begin();
     let since_1970 = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
     let info = CaptureInfo {
         slamd_version: env!("CARGO_PKG_VERSION").into(),
@@ -177,5 +178,5 @@ fn begin(config: &Config) -> (Instant, CaptureInfo) {
         notes: String::new(),
         faults: None,
     };
-    (begin, info)
+    (clock, info)
 }

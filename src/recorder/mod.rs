@@ -30,6 +30,16 @@ pub enum Chunk {
     Sent(Timestamp, Bytes),
 }
 
+impl Chunk {
+    /// When, and which bytes.
+    #[must_use]
+    pub const fn parts(&self) -> (Timestamp, &Bytes) {
+        match self {
+            Self::Received(at, bytes) | Self::Sent(at, bytes) => (*at, bytes),
+        }
+    }
+}
+
 /// A recording under way.
 pub struct Recorder {
     queue: SyncSender<Chunk>,
@@ -63,14 +73,17 @@ impl Recorder {
         Ok(Self { queue, thread, parts, parts_seen: 1, dropped: 0, complain_at: Timestamp::default() })
     }
 
-    /// Records what was read.
-    pub fn received(&mut self, at: Timestamp, bytes: Bytes) {
-        self.queue(at, Chunk::Received(at, bytes));
-    }
-
-    /// Records what was written.
-    pub fn sent(&mut self, at: Timestamp, bytes: Bytes) {
-        self.queue(at, Chunk::Sent(at, bytes));
+    /// Records a chunk; one that the queue has no room for is counted as lost.
+    pub fn record(&mut self, chunk: Chunk) {
+        let (at, _) = chunk.parts();
+        if self.queue.try_send(chunk).is_ok() {
+            return;
+        }
+        self.dropped += 1;
+        if at >= self.complain_at {
+            self.complain_at = at + COMPLAINT;
+            tracing::error!("the disk hangs: {} chunks are missing from the recording; mapping goes on", self.dropped);
+        }
     }
 
     /// True once after another file has been begun: what it shall hold for itself must be heard anew.
@@ -86,17 +99,6 @@ impl Recorder {
         let mut losses = self.thread.join().unwrap_or_else(failed);
         losses.chunks += self.dropped;
         losses
-    }
-
-    fn queue(&mut self, at: Timestamp, chunk: Chunk) {
-        if self.queue.try_send(chunk).is_ok() {
-            return;
-        }
-        self.dropped += 1;
-        if at >= self.complain_at {
-            self.complain_at = at + COMPLAINT;
-            tracing::error!("the disk hangs: {} chunks are missing from the recording; mapping goes on", self.dropped);
-        }
     }
 }
 

@@ -333,14 +333,6 @@ impl<F: Write> Part<F> {
     }
 }
 
-impl Chunk {
-    const fn parts(&self) -> (Timestamp, &bytes::Bytes) {
-        match self {
-            Self::Received(at, bytes) | Self::Sent(at, bytes) => (*at, bytes),
-        }
-    }
-}
-
 /// Where the capture writer writes: it never fails.
 #[derive(Clone, Default)]
 struct Memory(Arc<Mutex<Vec<u8>>>);

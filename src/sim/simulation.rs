@@ -16,6 +16,7 @@ use crate::time::Timestamp;
 use slamd_protocol::{FrameEncoder, Message, VERSION_MAJOR, VERSION_MINOR};
 use std::collections::VecDeque;
 use std::f64::consts::PI;
+use std::time::Duration;
 
 /// What to simulate.
 #[derive(Clone, Debug)]
@@ -164,6 +165,11 @@ impl Simulation {
         (self.command, self.streaming_since_us, self.ready) = (Twist::default(), None, None);
         let hello = self.board.restart(at, self.encoders.counts(at.seconds(), self.robot.ticks(0.0)));
         self.link.send(at, &hello);
+    }
+
+    /// The board's clock goes on by `span` while nothing is measured and the robot stays where it is: the host sleeps.
+    pub fn pass(&mut self, span: Duration) {
+        self.board.pass(span);
     }
 
     /// The next thing that happens by `now`; the simulation runs on as far as needed. None where nothing more does.

@@ -54,6 +54,17 @@ impl FaultyDisk {
         }
     }
 
+    pub fn is_well(&self) -> bool {
+        self.0.borrow().mood == Mood::Well
+    }
+
+    /// Does something to the bytes of the newest file.
+    pub fn damage_newest(&self, damage: impl FnOnce(&mut Vec<u8>)) {
+        if let Some(mut newest) = self.0.borrow_mut().files.last_entry() {
+            damage(newest.get_mut());
+        }
+    }
+
     /// The records of all parts in their order, and what is wrong with each file.
     pub fn read(&self) -> (Vec<Record>, Vec<Option<String>>) {
         let (mut records, mut damage) = (Vec::new(), Vec::new());
