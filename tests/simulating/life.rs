@@ -270,7 +270,7 @@ impl Life<'_> {
         }
     }
 
-    fn end(mut self, session: Session) -> Remains {
+    fn end(self, session: Session) -> Remains {
         let died = self.world.died.take();
         let mut is_torn = false;
         let disk = self.world.disk.clone();
