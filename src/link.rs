@@ -106,6 +106,8 @@ const STALE: Duration = Duration::from_millis(500);
 const LOST: Duration = Duration::from_secs(2);
 /// A line that has been dead silent for this long is opened anew.
 const REOPEN: Duration = Duration::from_secs(10);
+/// A tick that comes so late says that the machine slept, or the program was stopped: seconds.
+const ASLEEP_S: f64 = 0.5;
 /// So many restarts of the board within this time are told.
 const RESTARTS: usize = 3;
 const RESTARTS_WITHIN_S: f64 = 30.0;
@@ -214,7 +216,10 @@ impl Link {
 
     /// Time has passed; due at [`Link::deadline`].
     pub fn tick(&mut self, at: Timestamp, reception: &Reception<'_>) {
-        if self.deadline().is_none_or(|deadline| at < deadline) {
+        let Some(deadline) = self.deadline().filter(|deadline| *deadline <= at) else { return };
+        if at.seconds_since(deadline) > ASLEEP_S {
+            // The program was not there to hear: it begins to wait now.
+            self.since = at;
             return;
         }
         match self.state {

@@ -94,6 +94,21 @@ fn a_healthy_board_streams_goes_stale_is_lost_and_comes_back() {
 }
 
 #[test]
+fn a_machine_that_slept_does_not_take_the_line_for_dead() {
+    let mut bench = Bench::open();
+    bench.echoes();
+    bench.changes();
+    bench.ms += 3_600_000;
+    bench.wait(400);
+    assert!(bench.changes().is_empty() && bench.remedies.is_empty(), "nobody was there to hear");
+    bench.echoes();
+    bench.wait(499);
+    assert!(bench.changes().is_empty());
+    bench.wait(1);
+    assert_eq!(bench.link.state(), LinkState::Stale, "awake again, it hears that nothing comes");
+}
+
+#[test]
 fn silence_is_told_after_all_rates_were_tried_and_again_later() {
     let mut bench = Bench::open();
     bench.wait(3_999);

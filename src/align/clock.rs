@@ -81,6 +81,8 @@ struct Line {
 const WINDOW_S: f64 = 60.0;
 /// Most round trips kept.
 const MOST_TRIPS: usize = 256;
+/// Not even a rate learnt within a second lets the board's clock run ahead by so much, seconds.
+const MOST_AHEAD_S: f64 = 0.2;
 /// No board is off by more.
 const MOST_RATE: f64 = 0.02;
 /// What speaks for the rate known before: a rate that differs from it by 1 % must leave a strip this much wider, seconds.
@@ -142,7 +144,13 @@ impl ClockMap {
         Some(Timestamp::from_us((host_s * 1e6).max(0.0).round() as u64))
     }
 
-    /// Forgets the board's past after a restart; its resonator is the same one.
+    /// True where a message stamped `board` cannot have arrived at `host` already: one of the clocks has stood still, or has jumped.
+    #[must_use]
+    pub fn is_impossible(&self, board: DeviceTime, host: Timestamp) -> bool {
+        self.host_time(board).is_some_and(|sent| sent.seconds_since(host) > MOST_AHEAD_S)
+    }
+
+    /// Forgets the past after a restart or a jump; the board's resonator is the same one.
     pub fn reset(&mut self) {
         *self = Self { rate: self.line.map_or(self.rate, |line| line.rate), ..Self::default() };
     }

@@ -169,6 +169,9 @@ impl Aligner {
 
     fn stamped(&mut self, t_us: u32, at: Timestamp) -> Result<DeviceTime, Restarted> {
         let stamp = self.widener.widen(t_us).ok_or(Restarted)?;
+        if self.clock.is_impossible(stamp, at) {
+            self.clock.reset();
+        }
         self.clock.arrived(stamp, at);
         Ok(stamp)
     }

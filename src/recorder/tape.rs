@@ -322,7 +322,10 @@ impl<F: Write> Part<F> {
                 Err(error) => return Err(error),
             }
         }
-        self.encoded = if self.writer.flush_in().is_some() { self.open } else { 0 };
+        if self.writer.flush_in().is_none() {
+            self.open = 0;
+        }
+        self.encoded = self.open;
         Ok(())
     }
 

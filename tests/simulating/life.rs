@@ -264,7 +264,8 @@ impl Life<'_> {
             return;
         }
         assert_eq!(link.state(), LinkState::Streaming, "{calm_us} us after the last trouble: {}", link.cause());
-        if let Some(estimate) = &watch.estimate {
+        if let Some(estimate) = watch.estimate.filter(|_| watch.first_seen.is_some_and(|seen| seen + CAUGHT_UP <= now))
+        {
             let age_s = now.seconds_since(estimate.at);
             assert!(age_s < FRESH_S, "the newest pose is {age_s} s old, {calm_us} us after the last trouble");
         }
@@ -303,3 +304,5 @@ impl Life<'_> {
 /// So long after the last trouble the ring is heard and poses are fresh.
 const RECOVERED_US: u64 = 15 * SECOND_US;
 const FRESH_S: f64 = 0.4;
+/// The sweeps before the building's axis is known are used up within this.
+const CAUGHT_UP: Duration = Duration::from_secs(12);

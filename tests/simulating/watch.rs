@@ -1,7 +1,7 @@
 //! What must hold at each step, seen from outside the pipeline.
 
 use slamd::event::{Estimate, Event};
-use slamd::link::{Link, LinkState};
+use slamd::link::Link;
 use slamd::source::session::{Scene, Sight};
 use slamd::time::Timestamp;
 use std::cell::RefCell;
@@ -13,11 +13,11 @@ pub struct Watch {
     /// Everything that happened, in its order.
     pub events: Vec<Event>,
     pub estimate: Option<Estimate>,
+    /// When the first pose was seen: the sweeps before it are used up a few at a time.
+    pub first_seen: Option<Timestamp>,
     pub restarts: u64,
     now: Timestamp,
     changed: Timestamp,
-    /// The states that the link has been in.
-    pub has_streamed: bool,
 }
 
 impl Watch {
@@ -55,6 +55,7 @@ impl Watch {
         let is_finite = [pose.x_m, pose.y_m, pose.theta_rad].iter().all(|x| x.is_finite());
         let is_certain = estimate.covariance.diagonal().iter().all(|variance| variance.is_finite() && *variance >= 0.0);
         assert!(is_finite && is_certain, "{estimate:?}");
+        self.first_seen.get_or_insert(self.now);
         self.estimate = Some(*estimate);
     }
 
@@ -64,7 +65,6 @@ impl Watch {
             assert!(change.at >= self.changed, "the link's time ran back from {:?}: {change:?}", self.changed);
             assert!(!change.cause.is_empty(), "{change:?}: without a cause");
             self.changed = change.at;
-            self.has_streamed |= change.state == LinkState::Streaming;
         }
     }
 }
