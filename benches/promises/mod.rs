@@ -12,7 +12,8 @@ pub struct Promise {
 }
 
 /// The benches that try for longer: name, and options with their full numbers.
-pub const LONG: [(&str, &[(&str, f64)]); 3] = [
+pub const LONG: [(&str, &[(&str, f64)]); 4] = [
+    ("simulation", &[("--seeds", 2000.0)]),
     ("fuzz", &[("--bytes", 1e9), ("--files", 1e6)]),
     ("kill", &[("--kills", 1000.0)]),
     ("soak", &[("--minutes", 60.0), ("--hours", 72.0)]),
@@ -23,7 +24,14 @@ const fn promise(says: &'static str, file: &'static str, name: &'static str, ben
 }
 
 /// All of them.
-pub const PROMISES: [Promise; 18] = [
+pub const PROMISES: [Promise; 31] = [
+    promise(
+        "Whatever goes wrong with line, board, clock and disk at once: no bad frame is accepted, time never runs back, a recording is what was read, and the \
+         map is that of its replay.",
+        "simulation",
+        "nothing_that_goes_wrong_breaks_a_promise",
+        Some("simulation"),
+    ),
     promise(
         "Whatever comes over the wire, nothing panics and memory stays bounded.",
         "fuzz",
@@ -100,6 +108,63 @@ pub const PROMISES: [Promise; 18] = [
     ),
     promise("Healthy sensors stay trusted.", "faults", "healthy_sensors_stay_trusted", None),
     promise("A slip of the wheels is noticed, told and mended.", "lock", "a_slip_is_noticed_told_and_mended", None),
+    promise(
+        "A side of missing sensors, or any eight broken, cost little.",
+        "sensor_faults",
+        "a_side_of_missing_sensors_and_eight_of_all_kinds_cost_little",
+        None,
+    ),
+    promise(
+        "A dead wheel encoder is named, and no certain pose is wrong.",
+        "sensor_faults",
+        "a_dead_encoder_is_named_and_no_certain_pose_is_wrong",
+        None,
+    ),
+    promise(
+        "A reversed wheel encoder is named and turned over.",
+        "sensor_faults",
+        "a_reversed_encoder_is_named_and_turned_over_on_the_way",
+        None,
+    ),
+    promise(
+        "A client that does not read is dropped with a notice, and nothing is lost.",
+        "api",
+        "who_reads_nothing_is_dropped_and_the_pipeline_loses_nothing",
+        None,
+    ),
+    promise(
+        "64 clients, lines of 64 KiB, 20 s of silence: no more, and it is told.",
+        "api",
+        "limits_are_kept_and_told",
+        None,
+    ),
+    promise("The network is let in by no mistake.", "api", "the_network_is_let_in_by_no_mistake", None),
+    promise(
+        "Whoever comes over the network must know the token.",
+        "api",
+        "whoever_comes_over_tcp_must_know_the_token",
+        None,
+    ),
+    promise("A board plays no tricks on a terminal.", "api", "a_board_plays_no_tricks_on_a_terminal", None),
+    promise("The service is walled in.", "systemd", "little_is_left_open", None),
+    promise(
+        "Input meets no unwrap, no unchecked index and no unchecked cast.",
+        "input_path",
+        "the_input_path_carries_the_lints",
+        None,
+    ),
+    promise(
+        "No crate of ours is unsafe, and overflow is checked in releases.",
+        "input_path",
+        "no_crate_is_unsafe_and_overflow_is_checked",
+        None,
+    ),
+    promise(
+        "All that is built has an allowed license and comes from the registry.",
+        "dependencies",
+        "all_that_is_built_may_be",
+        None,
+    ),
     promise("A damaged session file is refused with the cause.", "session_file", "each_damage_is_named", None),
     promise(
         "No sweep allocates; nothing grows with time.",
