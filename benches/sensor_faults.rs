@@ -245,8 +245,7 @@ fn ordinary(drives: &dyn Fn(&'static str, u8, f64) -> Vec<Drive>) {
     let slips = [("both wheels slip 0.5 m", [0.5, 0.5]), ("left wheel slips 0.5 m", [0.5, 0.0])];
     for (name, metres) in slips {
         let slip = Some(Slip { at_s: LATE_S, metres });
-        let drives: Vec<Drive> =
-            drives("flat", 32, 1.0).into_iter().map(|drive| Drive { slip, ..drive }).collect();
+        let drives: Vec<Drive> = drives("flat", 32, 1.0).into_iter().map(|drive| Drive { slip, ..drive }).collect();
         report(name, 32, "1", &drives);
     }
 }

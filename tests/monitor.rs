@@ -7,7 +7,7 @@ use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use ratatui::buffer::Buffer;
 use ratatui::style::Color;
-use slamd::event::{Calibration, Counters, Estimate, FaultEvent, FaultKind, SensorState};
+use slamd::event::{Calibration, Counters, EncoderState, Estimate, FaultEvent, FaultKind, SensorState};
 use slamd::geometry::{Point, Pose2, Ring};
 use slamd::mapping::raster::Raster;
 use slamd::monitor::{Beam, BeamState, Line, Look, Plan, Rates, Snapshot, Tone, View, draw};
@@ -54,6 +54,7 @@ fn snapshot() -> Snapshot {
             state: SensorState::Faulty(FaultKind::Stuck),
             reason: "sensor 3 always reads 2.00 m".into(),
         }],
+        encoders: [EncoderState::Healthy; 2],
         estimate: Some(Estimate {
             at: Timestamp::default(),
             sweep: 1234,
@@ -183,6 +184,15 @@ fn without_unicode_there_is_only_ascii() {
     let shown = text(&screen(SMALL, &snapshot, View::default(), PLAIN));
     assert!(shown.is_ascii(), "{shown}");
     assert!(shown.contains("K?fer") && shown.contains("1.250 +- 0.020 m"), "{shown}");
+}
+
+#[test]
+fn a_broken_encoder_is_told_where_the_wheels_are() {
+    let shown = text(&screen(SMALL, &snapshot(), View::default(), FULL));
+    assert!(shown.contains("wheels, right to left") && !shown.contains("encoder"), "{shown}");
+    let snapshot = Snapshot { encoders: [EncoderState::Healthy, EncoderState::Reversed], ..snapshot() };
+    let shown = text(&screen(SMALL, &snapshot, View::default(), FULL));
+    assert!(shown.contains("right encoder reversed"), "{shown}");
 }
 
 #[test]

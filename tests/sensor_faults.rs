@@ -35,7 +35,8 @@ fn a_side_of_missing_sensors_and_eight_of_all_kinds_cost_little() {
         println!("{faults:?}: {:.3} m, whole {:.3} m", broken.ate_m, whole.ate_m);
         for fault in &faults {
             let sensor: usize = fault.split(':').next().unwrap().parse().unwrap();
-            let is_told = |sensor| broken.faults.iter().any(|told| told.sensor == sensor && told.state != SensorState::Healthy);
+            let is_told =
+                |sensor| broken.faults.iter().any(|told| told.sensor == sensor && told.state != SensorState::Healthy);
             assert!(is_told(sensor), "{fault} was not found");
         }
         let said = broken.covered(&whole).unwrap_or(1.0);

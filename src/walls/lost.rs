@@ -20,6 +20,8 @@ pub(super) struct Lost {
     sweeps: u32,
     /// How far it may have gone before without knowing, metres; only a robot that could not count its wheel has.
     pub(super) blind_m: Option<f64>,
+    /// So many sweeps must have been heard before it is believed that they agree with the map.
+    sure_sweeps: u32,
 }
 
 /// A place is sought from so many sweeps on, and then every few.
@@ -34,12 +36,30 @@ impl Lost {
     /// The doubt begins, with the robot believed at `pose`.
     pub(super) fn new(since: Timestamp, since_sweep: u64, pose: Pose2, odometry: Pose2) -> Self {
         let map_from_odom = pose * odometry.inverse();
-        Self { since, since_sweep, map_from_odom, returns: Vec::with_capacity(MOST_RETURNS), sweeps: 0, blind_m: None }
+        Self {
+            since,
+            since_sweep,
+            map_from_odom,
+            returns: Vec::with_capacity(MOST_RETURNS),
+            sweeps: 0,
+            blind_m: None,
+            sure_sweeps: 0,
+        }
     }
 
     /// The robot has gone up to `way_m` without knowing: it is not where it is believed to be, and is sought for as long as it takes.
     pub(super) fn after_blindness(self, way_m: f64) -> Self {
-        Self { blind_m: Some(way_m), ..self }
+        Self { blind_m: Some(way_m), sure_sweeps: u32::MAX, ..self }
+    }
+
+    /// The robot has been put where it must be: it is nowhere else where it fits, but that has to be seen first.
+    pub(super) fn after_reversal(self) -> Self {
+        Self { sure_sweeps: FIRST_SWEEPS, ..self }
+    }
+
+    /// True once enough was heard to tell whether it agrees with the map.
+    pub(super) fn has_waited(&self) -> bool {
+        self.sweeps >= self.sure_sweeps
     }
 
     /// Keeps what the trusted beams heard, seen from the pose that the wheels alone tell.
