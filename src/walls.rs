@@ -301,7 +301,7 @@ impl Walls {
                 tracker.relocate(pose, lost.since_sweep);
             }
             LockChange::Regained { moved_m, turned_rad }
-        } else if tracker.watch().is_sure() && lost.has_waited() {
+        } else if tracker.watch().is_sure() && lost.may_be_wrong() {
             LockChange::Regained { moved_m: 0.0, turned_rad: 0.0 }
         } else if lost.is_hopeless() {
             LockChange::Abandoned

@@ -52,7 +52,7 @@ pub(crate) struct Outcome {
     pub(crate) locks: Vec<LockEvent>,
 }
 
-/// A true fault's sensor counts as found where it is called faulty after the fault has begun.
+/// Nobody minds less, metres.
 pub(crate) const LEAST_ERROR_M: f64 = 0.05;
 
 impl Drive {
@@ -126,7 +126,7 @@ impl Outcome {
             let error_m = ((world_from_map * pair.estimate.pose).position() - pair.truth.position()).norm();
             let cov = pair.estimate.covariance;
             let (mean, half) = (0.5 * (cov[(0, 0)] + cov[(1, 1)]), 0.5 * (cov[(0, 0)] - cov[(1, 1)]));
-            let greatest = mean + half.hypot(cov[(0, 1)]);
+            let greatest = mean + libm::hypot(half, cov[(0, 1)]);
             self.sweeps.push((error_m, 2.0 * greatest.sqrt(), self.is_uncertain(pair.at)));
             sum_m2 += error_m * error_m;
             self.worst_m = self.worst_m.max(error_m);
