@@ -275,8 +275,8 @@ impl Pipeline {
     /// Takes the counts of encoders that were found to run backwards with the sign turned over.
     fn turn_encoders(&mut self) {
         let reversed = self.estimator.as_ref().map_or([false; 2], Estimator::reversed_encoders);
-        for (wheel, (is, was)) in reversed.iter().zip(self.reversed).enumerate() {
-            if *is != was {
+        for (wheel, (now, before)) in reversed.iter().zip(self.reversed).enumerate() {
+            if *now != before {
                 self.aligner.reverse_encoder(wheel);
             }
         }

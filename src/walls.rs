@@ -182,7 +182,7 @@ impl Walls {
         } else if let (Some(tracker), true) = (&mut self.tracker, self.waiting.is_empty()) {
             tracker.predict(sweep.left_m, sweep.right_m);
             tracker.expect(sweep);
-            let is_lost = self.lost.is_some();
+            let is_lost = self.lost.is_some() || self.encoders.is_suspected();
             let place = Placement::from(tracker.filter.pose());
             let expected = |beam: &Beam| {
                 let map_from_sensor = place * beam.robot_from_sensor;
@@ -308,7 +308,7 @@ impl Walls {
                 tracker.relocate(pose, lost.since_sweep);
             }
             LockChange::Regained { moved_m, turned_rad }
-        } else if tracker.watch().is_sure() && lost.blind_m.is_none() {
+        } else if tracker.watch().is_sure() && lost.may_be_wrong() {
             LockChange::Regained { moved_m: 0.0, turned_rad: 0.0 }
         } else if lost.is_hopeless() {
             LockChange::Abandoned

@@ -162,8 +162,7 @@ impl EncoderWatch {
                 reversed[wheel] = cost(with(rolled_m, wheel, -rolled_m[wheel]));
             }
         }
-        for wheel in 0..2 {
-            let trial = &mut self.trials[wheel];
+        for (wheel, trial) in self.trials.iter_mut().enumerate() {
             trial.counted = if counts[wheel] { trial.counted + 1 } else { 0 };
             if let Some(cost) = dead[wheel] {
                 trial.dead.add(told - cost, sweep.index);

@@ -45,6 +45,8 @@ pub(super) struct Blind {
     way_m: f64,
 }
 
+/// A wheel that is told to have changed its way by so much within two sweeps was reversed, metres.
+const SUDDEN_M: f64 = 0.02;
 /// Sweeps kept: twelve seconds.
 const KEPT_SWEEPS: usize = 120;
 /// A fault this soon after the first sweep was there from the start.
@@ -67,11 +69,30 @@ impl Trail {
         self.steps.clear();
     }
 
-    /// The last step up to a sweep, or the first that is kept, and what was rolled after it.
-    fn since(&self, sweep: u64) -> Option<(Step, impl Iterator<Item = [f64; 2]>)> {
+    /// The last step up to a sweep, or the first that is kept, and what was told to be rolled after it.
+    fn since(&self, sweep: u64) -> Option<(Step, Vec<[f64; 2]>)> {
         let place = self.steps.partition_point(|step| step.sweep <= sweep).saturating_sub(1);
-        let rolled = self.steps.iter().skip(place + 1).map(|step| step.rolled_m);
+        let rolled = self.steps.iter().skip(place + 1).map(|step| step.rolled_m).collect();
         Some((*self.steps.get(place)?, rolled))
+    }
+
+    /// The last step before a wheel was reversed, not before a sweep, and what was truly rolled after it. No wheel changes its speed as
+    /// suddenly as a reversed one seems to; one that does so while it stands has only to be caught standing.
+    fn before_reversal(&self, sweep: u64, wheel: usize) -> Option<(Step, Vec<[f64; 2]>)> {
+        let first = self.steps.partition_point(|step| step.sweep <= sweep).max(1);
+        let told = |place: usize| self.steps.get(place).map_or(f64::NAN, |step| step.rolled_m[wheel]);
+        let jump_m = |place: &usize| (told(place + 1) - told(place - 1)).abs();
+        let places = first..self.steps.len().saturating_sub(1);
+        let sudden =
+            places.clone().max_by(|a, b| jump_m(a).total_cmp(&jump_m(b))).filter(|place| jump_m(place) > SUDDEN_M);
+        let standing = || places.clone().min_by(|a, b| told(*a).abs().total_cmp(&told(*b).abs()));
+        let turned = sudden.or_else(standing).unwrap_or(first);
+        let mut rolled: Vec<[f64; 2]> = self.steps.iter().skip(turned).map(|step| step.rolled_m).collect();
+        rolled.iter_mut().for_each(|rolled_m| rolled_m[wheel] = -rolled_m[wheel]);
+        if let Some(mixed) = rolled.first_mut() {
+            mixed[wheel] = told(turned - 1);
+        }
+        Some((*self.steps.get(turned - 1)?, rolled))
     }
 }
 
@@ -104,15 +125,19 @@ impl Walls {
             self.blind = is_dead.then_some(Blind { since: sweep.at, since_sweep, pose: None, way_m: 0.0 });
             return;
         }
-        let Some((step, rolled)) = self.trail.since(since_sweep) else { return };
-        let Some(tracker) = &mut self.tracker else { return };
+        let wheel = usize::from(change.wheel == Wheel::Right);
+        let found =
+            if is_dead { self.trail.since(since_sweep) } else { self.trail.before_reversal(since_sweep, wheel) };
+        let (Some((step, mut rolled)), Some(tracker)) = (found, &mut self.tracker) else { return };
+        let mut last_m = [sweep.left_m, sweep.right_m];
+        last_m[wheel] = -last_m[wheel];
+        rolled.push(last_m);
         let base_m = tracker.filter.calibration().wheel_base_m;
         let (mut pose, mut way_m) = (step.pose, 0.0);
-        for [left_m, right_m] in rolled.chain([[sweep.left_m, sweep.right_m]]) {
+        for [left_m, right_m] in rolled {
             way_m += left_m.abs().max(right_m.abs());
             if !is_dead {
-                let sign = |wheel| if change.wheel == wheel { -1.0 } else { 1.0 };
-                pose = pose.rolled(sign(Wheel::Left) * left_m, sign(Wheel::Right) * right_m, base_m);
+                pose = pose.rolled(left_m, right_m, base_m);
             }
         }
         // What the robot was lost for until now was the encoder.
@@ -128,7 +153,7 @@ impl Walls {
         if is_dead {
             self.blind = Some(Blind { since, since_sweep, pose: Some(pose), way_m });
         } else {
-            self.lost = Some(Lost::new(since, since_sweep, pose, sweep.odometry));
+            self.lost = Some(Lost::new(since, since_sweep, pose, sweep.odometry).after_reversal());
         }
     }
 

@@ -20,6 +20,8 @@ pub(super) struct Lost {
     sweeps: u32,
     /// How far it may have gone before without knowing, metres; only a robot that could not count its wheel has.
     pub(super) blind_m: Option<f64>,
+    /// An encoder has led it astray: it is known to be elsewhere, and must be found.
+    must_be_found: bool,
 }
 
 /// A place is sought from so many sweeps on, and then every few.
@@ -34,12 +36,30 @@ impl Lost {
     /// The doubt begins, with the robot believed at `pose`.
     pub(super) fn new(since: Timestamp, since_sweep: u64, pose: Pose2, odometry: Pose2) -> Self {
         let map_from_odom = pose * odometry.inverse();
-        Self { since, since_sweep, map_from_odom, returns: Vec::with_capacity(MOST_RETURNS), sweeps: 0, blind_m: None }
+        Self {
+            since,
+            since_sweep,
+            map_from_odom,
+            returns: Vec::with_capacity(MOST_RETURNS),
+            sweeps: 0,
+            blind_m: None,
+            must_be_found: false,
+        }
     }
 
     /// The robot has gone up to `way_m` without knowing: it is not where it is believed to be, and is sought for as long as it takes.
     pub(super) fn after_blindness(self, way_m: f64) -> Self {
-        Self { blind_m: Some(way_m), ..self }
+        Self { blind_m: Some(way_m), must_be_found: true, ..self }
+    }
+
+    /// The robot has been put where it must be, which has to be seen first.
+    pub(super) fn after_reversal(self) -> Self {
+        Self { must_be_found: true, ..self }
+    }
+
+    /// Whether the doubt may be wrong: then it is over once what is heard agrees with the map.
+    pub(super) fn may_be_wrong(&self) -> bool {
+        !self.must_be_found
     }
 
     /// Keeps what the trusted beams heard, seen from the pose that the wheels alone tell.
@@ -70,8 +90,8 @@ impl Lost {
         Some(place.correction * self.map_from_odom * odometry)
     }
 
-    /// True where seeking on is of no use.
+    /// True where seeking on is of no use. After an encoder's fault it never is: the doubt has a reason.
     pub(super) fn is_hopeless(&self) -> bool {
-        self.sweeps >= MOST_SWEEPS && self.blind_m.is_none()
+        self.sweeps >= MOST_SWEEPS && !self.must_be_found
     }
 }

@@ -52,7 +52,7 @@ pub(crate) struct Outcome {
     pub(crate) locks: Vec<LockEvent>,
 }
 
-/// A true fault's sensor counts as found where it is called faulty after the fault has begun.
+/// Nobody minds less, metres.
 pub(crate) const LEAST_ERROR_M: f64 = 0.05;
 
 impl Drive {
