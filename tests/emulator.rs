@@ -130,7 +130,8 @@ fn the_emulated_board_maps_through_the_real_program() {
         output("").display()
     );
     println!("          by slamd --port {wire_m:.4} m, simulated {wire_simulated_m:.4} m");
-    assert!(emulated_m <= 1.2 * simulated_m, "{emulated_m} m against {simulated_m} m");
+    // A fifth more, or half a centimetre: where both are within two centimetres, a fifth is less than the readings' own grain.
+    assert!(emulated_m <= (1.2 * simulated_m).max(simulated_m + 0.005), "{emulated_m} m against {simulated_m} m");
     // Three drives scatter by more than they differ, and a busy machine loses bytes: bounded, and printed for comparison.
     assert!(wire_m <= 0.15, "{wire_m} m against {wire_simulated_m} m");
 }
