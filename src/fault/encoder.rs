@@ -1,6 +1,6 @@
 //! Which wheel encoders to distrust: one that stands still while the walls go by, one that counts backwards.
 //!
-//! Whenever the wheels have rolled far enough, the ring's last readings are compared with those before ([`super::profile`]): as the encoders
+//! Whenever the wheels have rolled far enough, the ring's last readings are compared with those before (`profile.rs`): as the encoders
 //! tell the motion, and as they would tell it were one of them reversed, or, where one does not count, had its wheel rolled
 //! after all. How much better the other motion explains the readings adds to a log-likelihood ratio of that fault, clamped below at zero: a cumulative
 //! sum (Page, Continuous inspection schemes, 1954), whose last zero tells when the fault began. A turn that is told wrongly by half a radian
