@@ -43,11 +43,11 @@ fn test(promise: &Promise) -> Outcome {
     outcome
 }
 
-/// The figure that a test has printed: its last line that is not the harness's.
+/// The figure that a test has printed: its last line that is not the harness's, where it is short enough for a table.
 fn figure(said: &str) -> &str {
     let is_harness =
         |line: &str| line.is_empty() || ["running ", "test ", "."].iter().any(|word| line.starts_with(word));
-    said.lines().map(str::trim).rfind(|line| !is_harness(line)).unwrap_or("")
+    said.lines().map(str::trim).rfind(|line| !is_harness(line)).filter(|line| line.len() < 100).unwrap_or("")
 }
 
 fn table(outcomes: &[Outcome]) -> String {
