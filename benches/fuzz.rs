@@ -3,6 +3,7 @@
 
 #[path = "../tests/fuzzing/mod.rs"]
 mod fuzzing;
+mod options;
 
 use fuzzing::{Corpus, Kind};
 use indicatif::ProgressBar;
@@ -11,16 +12,9 @@ use std::time::{Duration, Instant};
 const AT_ONCE: u64 = 10_000_000;
 const MOST_TIME: Duration = Duration::from_secs(1);
 
-fn argument(name: &str, default: u64) -> u64 {
-    let arguments: Vec<String> = std::env::args().collect();
-    let place = arguments.iter().position(|argument| argument == name);
-    let number = place.and_then(|place| arguments.get(place + 1)).map(|number| number.parse());
-    number.unwrap_or(Ok(default)).expect("a number")
-}
-
 #[expect(clippy::disallowed_methods, reason = "a benchmark has a clock")]
 fn main() {
-    let (bytes, files) = (argument("--bytes", 1_000_000_000), argument("--files", 1_000_000));
+    let (bytes, files) = (options::number("--bytes", 1_000_000_000_u64), options::number("--files", 1_000_000_u64));
     let corpus = Corpus::new();
     let bar = ProgressBar::new(bytes / AT_ONCE);
     let (mut sweeps, mut frames) = (0, 0);

@@ -4,6 +4,7 @@
 //! of the hours asked for. Draws `growth.png` into `--out`. Heap is what the pipeline itself has allocated and not given back.
 
 mod lattice;
+mod options;
 
 use allocation_counter::measure;
 use hdrhistogram::Histogram;
@@ -94,14 +95,8 @@ fn run(plan: Plan, hours: f64, bar: &ProgressBar) -> (Vec<Part>, f64, Drive) {
     (parts, explored, drive)
 }
 
-fn option(name: &str) -> Option<String> {
-    let arguments: Vec<String> = std::env::args().collect();
-    let place = arguments.iter().position(|argument| argument == name)?;
-    arguments.get(place + 1).cloned()
-}
-
 fn main() {
-    let hours: f64 = option("--hours").map_or(10.0, |hours| hours.parse().expect("--hours NUMBER"));
+    let hours: f64 = options::number("--hours", 10.0);
     let bar = ProgressBar::new(3 * u64::from(PARTS));
     let (mut text, mut curves) = (String::new(), Vec::new());
     for ((name, plan), ink) in BUILDINGS.into_iter().zip(INKS) {
@@ -144,7 +139,8 @@ fn main() {
     }
     bar.finish_and_clear();
     println!("{text}");
-    if let Some(folder) = option("--out") {
+    if options::has("--out") {
+        let folder = options::text("--out", "");
         let title = "Median time of a sweep, and heap, while driving on".to_owned();
         let (x_label, y_label) = ("hours", "us, MiB");
         let picture = Plot { title, x_label, y_label, curves, ..Plot::default() }.to_png().expect("a picture");

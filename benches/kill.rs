@@ -4,14 +4,12 @@
 mod killing;
 #[path = "../tests/mock_port/mod.rs"]
 mod mock_port;
+mod options;
 
 use indicatif::ProgressBar;
 
 fn main() {
-    let arguments: Vec<String> = std::env::args().collect();
-    let kills = arguments.iter().position(|argument| argument == "--kills");
-    let kills = kills.and_then(|place| arguments.get(place + 1)).map_or("1000", String::as_str);
-    let kills: u64 = kills.parse().expect("--kills NUMBER");
+    let kills: u64 = options::number("--kills", 1000);
     let bar = ProgressBar::new(kills);
     let killed = killing::kill(kills, 2, 1, || bar.inc(1));
     bar.finish_and_clear();

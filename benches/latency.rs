@@ -8,6 +8,7 @@
 mod mock_port;
 
 mod haste;
+mod options;
 mod player;
 
 use mock_port::Terminal;
@@ -60,10 +61,7 @@ fn measure(speed: u32, is_loaded: bool, options: &[&str], seconds: u64) -> Measu
 }
 
 fn main() {
-    let arguments: Vec<String> = std::env::args().collect();
-    let place = arguments.iter().position(|argument| argument == "--seconds");
-    let seconds = place.and_then(|place| arguments.get(place + 1)).map_or("60", String::as_str);
-    let seconds: u64 = seconds.parse().expect("--seconds NUMBER");
+    let seconds: u64 = options::number("--seconds", 60);
     println!(
         "| sweeps a second | cores | | p50 ms | p99 ms | p99.9 ms | greatest ms | of one core | sweeps | frames lost |"
     );

@@ -6,6 +6,7 @@
 
 #[path = "../tests/known_building/mod.rs"]
 mod known_building;
+mod options;
 
 use known_building::{Outcome, remember, seek};
 use std::sync::Mutex;
@@ -21,11 +22,6 @@ const CASES: [Case; 5] = [
     ("symmetrical", 120.0, "symmetrical", false),
     ("flat", 300.0, "furnished", false),
 ];
-
-fn option<'a>(arguments: &'a [String], name: &str, default: &'a str) -> &'a str {
-    let place = arguments.iter().position(|argument| argument == name);
-    place.and_then(|place| arguments.get(place + 1)).map_or(default, String::as_str)
-}
 
 fn row((mapped, _, driven, _): Case, outcomes: &[Outcome]) {
     let mut times: Vec<f64> = outcomes.iter().filter_map(|outcome| outcome.found_after_s).collect();
@@ -51,11 +47,9 @@ fn row((mapped, _, driven, _): Case, outcomes: &[Outcome]) {
 }
 
 fn main() {
-    let arguments: Vec<String> = std::env::args().collect();
-    let (first, last) = option(&arguments, "--seeds", "101-120").split_once('-').expect("--seeds FIRST-LAST");
-    let seeds: Vec<u64> = (first.parse().expect("a seed")..=last.parse().expect("a seed")).collect();
-    let duration_s: f64 = option(&arguments, "--seconds", "120").parse().expect("seconds");
-    let only = option(&arguments, "--world", "");
+    let seeds: Vec<u64> = options::seeds("101-120").collect();
+    let duration_s: f64 = options::number("--seconds", 120.0);
+    let only = options::text("--world", "");
     println!(
         "| mapped | driven in | found within 60 s of driving | wrong | seconds, median / p90 | said that it does not know | RMS m once found | worst m |"
     );

@@ -3,6 +3,7 @@
 //! `-- --accept` instead counts instructions only and accepts them: it writes `benches/instructions.toml`, the gate in CI.
 //! `-- --hours 100 --seconds 60 --out docs` are the growth bench's hours, the latency bench's seconds, and where to write.
 
+mod options;
 mod workload;
 
 use slamd::bench::machine;
@@ -26,12 +27,6 @@ const PEERS: [(&str, f64, Option<f64>); 4] = [
 const PAPER_PART: f64 = 0.1993;
 /// Every stage of the instruction bench runs on this capture, but for the pipeline with faults.
 const STAGES_ON: &str = CAPTURES[1];
-
-fn option(name: &str) -> Option<String> {
-    let arguments: Vec<String> = std::env::args().collect();
-    let place = arguments.iter().position(|argument| argument == name)?;
-    Some(arguments.get(place + 1).cloned().unwrap_or_default())
-}
 
 /// What another bench prints. A gate that fails is seen on its standard error.
 fn bench(name: &str, arguments: &[&str]) -> String {
@@ -160,12 +155,12 @@ fn resident() -> String {
 
 fn main() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    if option("--accept").is_some() {
+    if options::has("--accept") {
         return accept(&root.join("benches/instructions.toml"));
     }
-    let out = root.join(option("--out").unwrap_or_else(|| "docs".into()));
-    let hours = option("--hours").unwrap_or_else(|| "10".into());
-    let seconds = option("--seconds").unwrap_or_else(|| "60".into());
+    let out = root.join(options::text("--out", "docs"));
+    let hours = options::text("--hours", "10");
+    let seconds = options::text("--seconds", "60");
     let sweeps: BTreeMap<&str, u64> = CAPTURES.map(|name| (name, Drive::load(name, Method::Walls).sweeps())).into();
     let mut counts = String::from("| | instructions per sweep |\n|---|---|\n");
     for (name, count) in instructions() {

@@ -4,6 +4,7 @@
 //! `--part` is the part of the benches' full length to run; `-- --short` runs the tests only and prints the table. One promise
 //! that is not kept makes it fail.
 
+mod options;
 mod promises;
 
 use indicatif::ProgressBar;
@@ -89,10 +90,7 @@ fn longer(part: f64) -> (String, bool) {
 }
 
 fn main() {
-    let arguments: Vec<String> = std::env::args().collect();
-    let place = arguments.iter().position(|argument| argument == "--part");
-    let part = place.and_then(|place| arguments.get(place + 1)).map_or("1", String::as_str);
-    let part: f64 = part.parse().expect("--part NUMBER");
+    let part: f64 = options::number("--part", 1.0);
     let bar = ProgressBar::new(PROMISES.len() as u64);
     let try_one = |promise: &Promise| {
         let outcome = test(promise);
@@ -106,7 +104,7 @@ fn main() {
     print!("{table}");
     println!("{seconds:.0} s");
     let mut are_kept = outcomes.iter().all(|outcome| outcome.is_kept);
-    if !arguments.iter().any(|argument| argument == "--short") {
+    if !options::has("--short") {
         let (longer, are_kept_longer) = longer(part);
         are_kept &= are_kept_longer;
         let text = format!(

@@ -2,14 +2,12 @@
 
 #[path = "../tests/mock_port/mod.rs"]
 mod mock_port;
+mod options;
 
 use indicatif::ProgressBar;
 
 fn main() {
-    let arguments: Vec<String> = std::env::args().collect();
-    let cycles = arguments.iter().position(|argument| argument == "--cycles");
-    let cycles = cycles.and_then(|place| arguments.get(place + 1)).map_or("1000", String::as_str);
-    let cycles: u64 = cycles.parse().expect("--cycles NUMBER");
+    let cycles: u64 = options::number("--cycles", 1000);
     let bar = ProgressBar::new(cycles);
     let measured = mock_port::replug::replug(cycles, || bar.inc(1));
     bar.finish_and_clear();

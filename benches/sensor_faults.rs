@@ -5,6 +5,7 @@
 
 #[path = "../tests/broken/mod.rs"]
 mod broken;
+mod options;
 
 use broken::{Drive, Outcome, Slip};
 use indicatif::ProgressBar;
@@ -26,11 +27,9 @@ const LATE_S: f64 = 40.0;
 const KINDS: [&str; 4] = ["saturated", "missing", "noisy", "stuck"];
 
 fn main() {
-    let arguments: Vec<String> = std::env::args().collect();
-    let (first, last) = option(&arguments, "--seeds", "101-120").split_once('-').expect("--seeds FIRST-LAST");
-    let seeds: Vec<u64> = (first.parse().expect("a seed")..=last.parse().expect("a seed")).collect();
-    let seconds: f64 = option(&arguments, "--seconds", "120").parse().expect("seconds");
-    let only = option(&arguments, "--only", "");
+    let seeds: Vec<u64> = options::seeds("101-120").collect();
+    let seconds: f64 = options::number("--seconds", 120.0);
+    let only = options::text("--only", "");
     let drives = |world, sensors, odometry_errors| {
         let drive = |&seed: &u64| Drive { world, sensors, odometry_errors, ..Drive::flat(seed, seconds) };
         seeds.iter().map(drive).collect::<Vec<Drive>>()
@@ -50,11 +49,6 @@ fn main() {
         println!("\nWhole encoders, drives of {seconds:.0} s\n");
         ordinary(&drives);
     }
-}
-
-fn option<'a>(arguments: &'a [String], name: &str, default: &'a str) -> &'a str {
-    let place = arguments.iter().position(|argument| argument == name);
-    place.and_then(|place| arguments.get(place + 1)).map_or(default, String::as_str)
 }
 
 /// Numbers without a pattern that follow from a seed.

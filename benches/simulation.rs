@@ -3,22 +3,16 @@
 
 #[path = "../tests/faulty_disk/mod.rs"]
 mod faulty_disk;
+mod options;
 #[path = "../tests/simulating/mod.rs"]
 mod simulating;
 
 use indicatif::ProgressBar;
 use std::time::Instant;
 
-fn argument(name: &str, default: u64) -> u64 {
-    let arguments: Vec<String> = std::env::args().collect();
-    let place = arguments.iter().position(|argument| argument == name);
-    let number = place.and_then(|place| arguments.get(place + 1)).map(|number| number.parse());
-    number.unwrap_or(Ok(default)).expect("a number")
-}
-
 #[expect(clippy::disallowed_methods, reason = "a benchmark has a clock")]
 fn main() {
-    let (seeds, first) = (argument("--seeds", 2_000), argument("--first", 1_000));
+    let (seeds, first) = (options::number("--seeds", 2_000_u64), options::number("--first", 1_000_u64));
     let bar = ProgressBar::new(seeds);
     let begin = Instant::now();
     let met = simulating::simulate_all(first..first + seeds, || bar.inc(1));

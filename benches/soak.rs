@@ -9,6 +9,7 @@ mod mock_port;
 
 mod haste;
 mod lattice;
+mod options;
 mod player;
 
 use allocation_counter::measure;
@@ -33,13 +34,6 @@ const SWEEPS_PER_HOUR: f64 = 36_000.0;
 const LOOKS: u32 = 60;
 /// Until the building is explored, the map grows: this part of the looks is not used.
 const EXPLORED: f64 = 1.0 / 3.0;
-
-fn option(name: &str, default: f64) -> f64 {
-    let arguments: Vec<String> = std::env::args().collect();
-    let place = arguments.iter().position(|argument| argument == name);
-    let number = place.and_then(|place| arguments.get(place + 1)).map(|number| number.parse());
-    number.unwrap_or(Ok(default)).expect("a number")
-}
 
 /// Least-squares slope of (hours, KiB) over the looks after the building is explored.
 fn slope_kib_per_hour(looks: &[(f64, f64)]) -> f64 {
@@ -117,7 +111,7 @@ fn laps(hours: f64, bar: &ProgressBar) -> (Vec<(f64, f64)>, Drive) {
 }
 
 fn main() {
-    let (minutes, hours) = (option("--minutes", 60.0), option("--hours", 72.0));
+    let (minutes, hours) = (options::number("--minutes", 60.0), options::number("--hours", 72.0));
     let bar = ProgressBar::new(2 * u64::from(LOOKS));
     let [(looks, first), (_, second)] = std::thread::scope(|scope| {
         [scope.spawn(|| laps(hours, &bar)), scope.spawn(|| laps(hours, &bar))]

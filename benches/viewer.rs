@@ -5,6 +5,7 @@
 //! other things, too. That is also why processor time is shown beside the time that passes, which on a busy machine says little.
 
 mod haste;
+mod options;
 
 use haste::Haste;
 use rustix::time::{ClockId, clock_gettime};
@@ -125,10 +126,7 @@ fn play(kind: Kind, speed: f64) -> Cost {
 }
 
 fn main() {
-    let arguments: Vec<String> = std::env::args().collect();
-    let place = arguments.iter().position(|argument| argument == "--speed");
-    let speed = place.and_then(|place| arguments.get(place + 1)).map_or("20", String::as_str);
-    let speed: f64 = speed.parse().expect("--speed NUMBER");
+    let speed: f64 = options::number("--speed", 20.0);
     let kinds = [
         ("unwatched", Kind::Unwatched),
         ("recorded", Kind::Recorded),

@@ -11,7 +11,7 @@
 //!
 //! Cells live in tiles of 64 cm that are made on touch, up to a bound; what was refused is counted.
 
-use super::raster::{MOST_CELLS, Raster};
+use super::raster::Raster;
 use crate::geometry::{Point, Pose2};
 use std::collections::BTreeMap;
 
@@ -84,30 +84,26 @@ impl BinaryGrid {
     }
 
     /// The map drawn over all tiles: occupied 100, crossed by a beam 0, else unknown. Cells are 1 cm, doubled until there are no more
-    /// than [`MOST_CELLS`]: a lost robot's map may be large. An empty grid gives an empty raster.
+    /// than [`super::raster::MOST_CELLS`]: a lost robot's map may be large. An empty grid gives an empty raster.
     #[must_use]
     pub fn raster(&self) -> Raster {
         let Some(((left, right), (bottom, top))) = self.bounds() else {
             return Raster { cell_m: CELL_M, ..Raster::default() };
         };
-        let mut merge = 1;
-        let side = |low: i32, high: i32, merge: i32| {
-            usize::try_from(((high - low + 1) * TILE + merge - 1) / merge).expect("tiles are in order")
-        };
-        while side(left, right, merge) * side(bottom, top, merge) > MOST_CELLS {
-            merge *= 2;
-        }
-        let (width, height) = (side(left, right, merge), side(bottom, top, merge));
+        let side = |low: i32, high: i32| usize::try_from((high - low + 1) * TILE).expect("tiles are in order");
+        let (columns, rows) = (side(left, right), side(bottom, top));
+        let merge = Raster::coarseness(columns, rows);
+        let (width, height) = (columns.div_ceil(merge), rows.div_ceil(merge));
         let mut raster = Raster {
             width,
             height,
-            cell_m: CELL_M * f64::from(merge),
+            cell_m: CELL_M * merge as f64,
             origin: Point::new(f64::from(left * TILE) * CELL_M, f64::from(bottom * TILE) * CELL_M),
             occupancy: vec![Raster::UNKNOWN; width * height],
         };
         let mut draw = |(column, row): Index, value: i8| {
-            let (x, y) = ((column - left * TILE) / merge, (row - bottom * TILE) / merge);
-            let place = x.unsigned_abs() as usize + y.unsigned_abs() as usize * width;
+            let (x, y) = (column - left * TILE, row - bottom * TILE);
+            let place = x.unsigned_abs() as usize / merge + y.unsigned_abs() as usize / merge * width;
             if let Some(drawn) = raster.occupancy.get_mut(place) {
                 *drawn = (*drawn).max(value);
             }
@@ -206,6 +202,7 @@ fn cell(point: Point) -> Option<Index> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::raster::MOST_CELLS;
     use super::*;
     use proptest::prelude::*;
 

@@ -24,6 +24,15 @@ impl Raster {
     /// The value of unknown cells.
     pub const UNKNOWN: i8 = -1;
 
+    /// How many cells along a side of a `columns` by `rows` map become one, a power of two, for no more than [`MOST_CELLS`] in all.
+    pub(super) const fn coarseness(columns: usize, rows: usize) -> usize {
+        let mut merge = 1;
+        while columns.div_ceil(merge) * rows.div_ceil(merge) > MOST_CELLS {
+            merge *= 2;
+        }
+        merge
+    }
+
     /// The cell that holds a point of the map frame.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked against the raster's bounds")]

@@ -3,21 +3,18 @@
 use super::patch::percents;
 use super::{FLOOR, OccupancyGrid, TILE};
 use crate::geometry::Point;
-use crate::mapping::raster::{MOST_CELLS, Raster};
+use crate::mapping::raster::Raster;
 
 impl OccupancyGrid {
     /// The known part of the grid as a rectangle. A cell of it is one of the grid's, or the most occupied of a square of them where there would
-    /// be more than [`MOST_CELLS`].
+    /// be more than [`crate::mapping::raster::MOST_CELLS`].
     #[must_use]
     #[expect(clippy::cast_sign_loss, reason = "differences from the minimum")]
     pub fn raster(&self) -> Raster {
         let percent = percents();
         let Some([[left, bottom], [right, top]]) = self.extent else { return Raster::default() };
         let [columns, rows] = [right - left, top - bottom].map(|tiles| (tiles as usize + 1) * TILE);
-        let mut merge = 1;
-        while columns.div_ceil(merge) * rows.div_ceil(merge) > MOST_CELLS {
-            merge *= 2;
-        }
+        let merge = Raster::coarseness(columns, rows);
         let (width, height) = (columns.div_ceil(merge), rows.div_ceil(merge));
         let mut occupancy = vec![Raster::UNKNOWN; width * height];
         for (&(column, row), &tile) in &self.places {
