@@ -25,6 +25,8 @@ use std::ffi::OsString;
 use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use tracing::Level;
+use tracing_subscriber::filter::Targets;
 use tracing_subscriber::layer::SubscriberExt as _;
 use tracing_subscriber::util::SubscriberInitExt as _;
 
@@ -151,9 +153,15 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// What is logged: as `RUST_LOG` says.
-fn log_filter() -> tracing_subscriber::EnvFilter {
-    tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "info,re_=error".into())
+/// What is logged: as `RUST_LOG` says, by level and module, such as `warn` or `info,slamd::recorder=debug`.
+fn log_filter() -> Targets {
+    let asked = std::env::var("RUST_LOG").ok().filter(|asked| !asked.trim().is_empty());
+    let asked = asked.and_then(|asked| {
+        let filter = asked.parse();
+        filter.inspect_err(|error| eprintln!("slamd: RUST_LOG={asked}: {error}; info is logged")).ok()
+    });
+    // Rerun's modules are named re_something.
+    asked.unwrap_or_else(|| Targets::new().with_default(Level::INFO).with_target("re_", Level::ERROR))
 }
 
 /// What takes the log to the viewers, if this build has any.
