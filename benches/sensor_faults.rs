@@ -1,5 +1,5 @@
 //! What broken sensors and encoders cost: `cargo bench --no-default-features --bench sensor_faults -- [--seeds 101-120] [--seconds 120]
-//! [--only sensors|encoders|ordinary]`
+//! [--only sensors|encoders|ordinary] [--row TEXT]`
 //!
 //! Each drive is compared with the same seed's drive without faults. Prints Markdown tables. Tune on seeds 1-20, report on 101-120.
 
@@ -38,17 +38,24 @@ fn main() {
         let whole = drives("flat", sensors, 1.0);
         if only.is_empty() || only == "sensors" {
             println!("\n{sensors} sensors in the flat, drives of {seconds:.0} s\n");
-            compare(&whole, &sensor_rows(&whole));
+            compare(&whole, &asked(sensor_rows(&whole)));
         }
         if only.is_empty() || only == "encoders" {
             println!("\nEncoders, {sensors} sensors in the flat, drives of {seconds:.0} s\n");
-            compare(&whole, &encoder_rows(&whole));
+            compare(&whole, &asked(encoder_rows(&whole)));
         }
     }
     if only.is_empty() || only == "ordinary" {
         println!("\nWhole encoders, drives of {seconds:.0} s\n");
         ordinary(&drives);
     }
+}
+
+/// The rows whose names have in them what `--row` says.
+fn asked(mut rows: Vec<Row>) -> Vec<Row> {
+    let text = options::text("--row", "");
+    rows.retain(|row| row.name.contains(&text));
+    rows
 }
 
 /// Numbers without a pattern that follow from a seed.

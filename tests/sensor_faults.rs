@@ -52,8 +52,8 @@ fn a_reversed_encoder_is_named_and_turned_over_on_the_way() {
     assert!((25.0..32.0).contains(&at_s), "{at_s} s");
     let last = outcome.locks.last().unwrap();
     assert!(matches!(last.change, LockChange::Regained { .. }), "{:?}", outcome.locks);
-    let (error_m, ..) = outcome.sweeps.last().unwrap();
-    assert!(*error_m < 0.15, "{error_m} m off at the end");
+    let last = outcome.sweeps.last().unwrap();
+    assert!(last.error_m < 0.15, "{last:?} at the end");
 }
 
 #[test]
@@ -73,13 +73,13 @@ fn a_dead_encoder_is_named_and_no_certain_pose_is_wrong() {
     assert!((25.0..32.0).contains(&at_s), "{at_s} s");
     assert_eq!(outcome.locks.iter().map(|lock| lock.change).collect::<Vec<_>>(), [LockChange::Lost]);
     assert!(outcome.worst_m > 0.5, "the drive shows nothing: {} m", outcome.worst_m);
-    for (error_m, _, is_uncertain) in &outcome.sweeps {
-        assert!(*error_m < 0.1 || *is_uncertain, "{error_m} m off and said to be certain");
+    for told in &outcome.sweeps {
+        assert!(told.error_m < 0.1 || told.is_uncertain, "{told:?} and said to be certain");
     }
-    let blind: Vec<_> = outcome.sweeps.iter().skip_while(|(_, told_m, _)| *told_m < 0.2).collect();
+    let blind: Vec<_> = outcome.sweeps.iter().skip_while(|told| told.two_sigma_m < 0.2).collect();
     assert!(blind.len() > 200, "{} sweeps said that they are uncertain", blind.len());
-    for (error_m, told_m, is_uncertain) in blind {
-        assert!(*is_uncertain && error_m < told_m, "{error_m} m off, said {told_m}");
+    for told in blind {
+        assert!(told.is_uncertain && told.error_m < told.two_sigma_m, "{told:?}");
     }
 }
 

@@ -6,7 +6,7 @@ use slamd::capture::Record;
 use slamd::config::Config;
 use slamd::event::{EncoderEvent, Estimate, Event, FaultEvent, Input, LockChange, LockEvent, Output};
 use slamd::geometry::Pose2;
-use slamd::metrics::{Pair, Pairing};
+use slamd::metrics::{Pair, Pairing, building_frame};
 use slamd::pipeline::Pipeline;
 use slamd::sim::encoder::EncoderFault;
 use slamd::sim::fault::{FaultMix, SensorFault};
@@ -45,11 +45,23 @@ pub(crate) struct Outcome {
     /// Root mean square and greatest error of the position, aligned with the truth at the first pose only, metres.
     pub(crate) ate_m: f64,
     pub(crate) worst_m: f64,
-    /// Every sweep's error and what two standard deviations of the position say, metres, and whether the pose was called uncertain.
-    pub(crate) sweeps: Vec<(f64, f64, bool)>,
+    pub(crate) sweeps: Vec<Told>,
     pub(crate) faults: Vec<FaultEvent>,
     pub(crate) encoders: Vec<EncoderEvent>,
     pub(crate) locks: Vec<LockEvent>,
+}
+
+/// How far off a sweep's pose was, and what was said of it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Told {
+    /// Aligned with the truth at the first pose only, metres.
+    pub(crate) error_m: f64,
+    /// In the map frame as it is defined, along the building's walls, which is what the pose and its covariance are of, metres.
+    pub(crate) in_building_m: f64,
+    /// Two standard deviations of the position, metres.
+    pub(crate) two_sigma_m: f64,
+    /// The pose was called uncertain.
+    pub(crate) is_uncertain: bool,
 }
 
 /// Nobody minds less, metres.
@@ -120,14 +132,16 @@ impl Drive {
 impl Outcome {
     fn compare(&mut self, pairs: &[Pair<Estimate>]) {
         let Some(first) = pairs.first() else { return };
-        let world_from_map: Pose2 = first.truth * first.estimate.pose.inverse();
+        let frames = [first.truth * first.estimate.pose.inverse(), building_frame(first)];
         let mut sum_m2 = 0.0;
         for pair in pairs {
-            let error_m = ((world_from_map * pair.estimate.pose).position() - pair.truth.position()).norm();
+            let off_m = |frame: Pose2| ((frame * pair.estimate.pose).position() - pair.truth.position()).norm();
+            let [error_m, in_building_m] = frames.map(off_m);
             let cov = pair.estimate.covariance;
             let (mean, half) = (0.5 * (cov[(0, 0)] + cov[(1, 1)]), 0.5 * (cov[(0, 0)] - cov[(1, 1)]));
             let greatest = mean + libm::hypot(half, cov[(0, 1)]);
-            self.sweeps.push((error_m, 2.0 * greatest.sqrt(), self.is_uncertain(pair.at)));
+            let (two_sigma_m, is_uncertain) = (2.0 * greatest.sqrt(), self.is_uncertain(pair.at));
+            self.sweeps.push(Told { error_m, in_building_m, two_sigma_m, is_uncertain });
             sum_m2 += error_m * error_m;
             self.worst_m = self.worst_m.max(error_m);
         }
@@ -145,8 +159,8 @@ impl Outcome {
     /// Of the sweeps that are farther off than 1.5 times the whole drive's greatest error, the share that say so; none where there are none.
     pub(crate) fn covered(&self, whole: &Self) -> Option<f64> {
         let limit_m = (1.5 * whole.worst_m).max(LEAST_ERROR_M);
-        let off: Vec<_> = self.sweeps.iter().filter(|(error_m, ..)| *error_m > limit_m).collect();
-        let said = off.iter().filter(|(error_m, told_m, uncertain)| *uncertain || error_m <= told_m).count();
+        let off: Vec<_> = self.sweeps.iter().filter(|told| told.error_m > limit_m).collect();
+        let said = off.iter().filter(|told| told.is_uncertain || told.in_building_m <= told.two_sigma_m).count();
         (!off.is_empty()).then(|| said as f64 / off.len() as f64)
     }
 }

@@ -3,6 +3,7 @@
 
 #![allow(dead_code, unreachable_pub, reason = "each program uses its part")]
 
+use slamd::api::{Client, Snapshot, Token};
 use slamd::capture::{CaptureReader, Record};
 use slamd::config::Config;
 use slamd::event::{Event, Input, Output};
@@ -168,6 +169,25 @@ pub fn read_config(text: &str, drive: &[Record]) -> bool {
     drive.iter().for_each(|record| feed(&mut pipeline, record));
     assert_eq!(Config::from_toml(&config.to_toml()), Ok(config), "what is written is read");
     true
+}
+
+/// Reads what a client of the API sends, `step` bytes at a time, while there is news and it takes as much of the answers. True where
+/// every line can be understood.
+pub fn read_requests_of_a_client(bytes: &[u8], needs_token: bool, step: usize) -> bool {
+    let token = needs_token.then(|| Token::new("correct-horse-battery-staple"));
+    let mut client = Client::new(Timestamp::default(), token);
+    let (snapshot, map) = (Snapshot::default(), bytes::Bytes::from_static(b"{}\n"));
+    let mut at = Timestamp::default();
+    for piece in bytes.chunks(step) {
+        client.received(at, piece);
+        client.news(at, &snapshot, 1);
+        client.map(at, Some(&map));
+        let count = step.min(client.outgoing().len());
+        client.wrote(at, count);
+        at = client.deadline().max(at);
+        client.tick(at);
+    }
+    bytes.split(|byte| *byte == b'\n').all(|line| slamd::api::parse(line).is_ok())
 }
 
 pub fn reseal(bytes: &mut [u8]) {

@@ -9,7 +9,6 @@ mod mutation;
 
 pub use doors::*;
 use mutation::Mutator;
-use slamd::api::{Client, Snapshot, Token};
 use slamd::capture::{CaptureInfo, CaptureWriter, Record};
 use slamd::config::{Config, Method};
 use slamd::import::{carmen, ring};
@@ -118,7 +117,7 @@ impl Corpus {
     }
 
     /// What each fuzz target begins with.
-    pub fn seeds(&self) -> [(&'static str, Vec<Vec<u8>>); 5] {
+    pub fn seeds(&self) -> [(&'static str, Vec<Vec<u8>>); 6] {
         let pieces = |frames: &[(u8, Vec<u8>)]| -> Vec<u8> {
             frames.iter().flat_map(|(kind, payload)| piece(*kind, payload)).collect()
         };
@@ -129,6 +128,7 @@ impl Corpus {
             ("session", vec![self.session[session_file::HEADER..].to_vec()]),
             ("config", self.configs.iter().map(|text| text.clone().into_bytes()).collect()),
             ("map", vec![map]),
+            ("request", [0, 255].map(|first| [&[first], REQUESTS.as_bytes()].concat()).to_vec()),
         ]
     }
 
@@ -215,20 +215,8 @@ fn read_requests(mutator: &mut Mutator) -> bool {
     } else {
         mutator.bytes(REQUESTS.as_bytes().to_vec(), 6)
     };
-    let token = mutator.chance(0.2).then(|| Token::new("correct-horse-battery-staple"));
-    let mut client = Client::new(Timestamp::default(), token);
-    let (snapshot, map) = (Snapshot::default(), bytes::Bytes::from_static(b"{}\n"));
-    let mut at = Timestamp::default();
-    for piece in bytes.chunks(1 + mutator.below(64)) {
-        client.received(at, piece);
-        client.news(at, &snapshot, 1);
-        client.map(at, Some(&map));
-        let count = mutator.below(1 + client.outgoing().len());
-        client.wrote(at, count);
-        at = client.deadline().max(at);
-        client.tick(at);
-    }
-    bytes.split(|byte| *byte == b'\n').all(|line| slamd::api::parse(line).is_ok())
+    let step = 1 + mutator.below(64);
+    read_requests_of_a_client(&bytes, mutator.chance(0.2), step)
 }
 
 fn capture(records: &[Record]) -> Vec<u8> {

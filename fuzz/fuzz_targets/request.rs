@@ -1,0 +1,11 @@
+//! What a client of the API sends.
+#![no_main]
+
+#[path = "../../tests/fuzzing/mod.rs"]
+mod fuzzing;
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    if let [first, requests @ ..] = bytes {
+        fuzzing::read_requests_of_a_client(requests, first % 4 == 0, 1 + usize::from(first / 4));
+    }
+});
