@@ -39,6 +39,7 @@ pub mod import;
 pub mod inspect;
 pub mod metrics;
 pub mod publish;
+pub mod ros2;
 pub mod session_file;
 pub mod sim;
 pub mod source;

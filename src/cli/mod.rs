@@ -4,6 +4,7 @@ mod api;
 mod bench;
 mod calibrate;
 mod doctor;
+mod export;
 mod failure;
 mod import;
 mod inspect;
@@ -34,6 +35,7 @@ const EXAMPLES: &str = "Examples:
   slamd --port /dev/ttyUSB0                       map with a robot
   slamd replay replay/flat-paper-faults.mcap      no robot needed: leaves a map in slamd-out/
   slamd replay recordings/ --out maps             every capture of a folder, on all cores, and a table
+  slamd export drive.mcap --mcap bag.mcap         for ROS 2 and Foxglove
   slamd simulate --world flat --seed 1 --duration 120 --faults paper --capture drive.mcap
   slamd simulate --world office --pty robot & slamd --port robot --record drive.mcap";
 
@@ -57,6 +59,7 @@ enum Command {
     /// Turn a recording of another robot into a capture.
     Import(import::ImportArgs),
     Calibrate(calibrate::CalibrateArgs),
+    Export(export::ExportArgs),
     /// Tell what is in a capture: messages, rates, gaps, faults.
     Inspect(inspect::InspectArgs),
     /// List the serial ports and who holds them.
@@ -72,15 +75,22 @@ pub(crate) struct OutputArgs {
     /// Folder for map, picture, trajectory, faults and summary.
     #[arg(long, value_name = "DIR", default_value = "slamd-out")]
     out: PathBuf,
+    #[command(flatten)]
+    how: HowArgs,
+    /// Print the summary as JSON instead of words.
+    #[arg(long)]
+    json: bool,
+}
+
+/// How results are made.
+#[derive(Debug, Args)]
+pub(crate) struct HowArgs {
     /// How heading, position and map are found.
     #[arg(long, value_enum)]
     method: Option<MethodArg>,
     /// Robot configuration (TOML); see configs/README.md.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Print the summary as JSON instead of words.
-    #[arg(long)]
-    json: bool,
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
@@ -89,7 +99,7 @@ enum MethodArg {
     Paper,
 }
 
-impl OutputArgs {
+impl HowArgs {
     /// The configuration file's, or else `base`, with the method of the command line.
     fn configuration(&self, base: crate::config::Config) -> Result<crate::config::Config, Failure> {
         let mut config = match &self.config {
@@ -139,6 +149,7 @@ pub fn main() -> ExitCode {
         Command::Simulate(args) => args.run(),
         Command::Import(args) => args.run().map_err(Failure::from),
         Command::Calibrate(args) => args.run(),
+        Command::Export(args) => args.run(),
         Command::Inspect(args) => args.run().map_err(Failure::from),
         Command::Ports(args) => args.run(),
         Command::Doctor(args) => args.run(),

@@ -2,7 +2,7 @@
 
 use super::kept::KeptArgs;
 use super::replay_folder::replay_folder;
-use super::{Failure, Kind, OutputArgs, terminal};
+use super::{Failure, HowArgs, Kind, OutputArgs, terminal};
 use crate::capture::CaptureReader;
 use crate::config::Config;
 use crate::metrics::TrueFault;
@@ -32,7 +32,7 @@ impl ReplayArgs {
         if self.file.is_dir() {
             return self.run_folder();
         }
-        let (mut capture, mut session) = open(&self.file, &self.kept, &self.output, &self.output.out)?;
+        let (mut capture, mut session) = open(&self.file, &self.kept, &self.output.how, &self.output.out)?;
         #[cfg(feature = "viewer")]
         let watched = {
             let name = self.file.file_stem().unwrap_or_default().to_string_lossy();
@@ -74,16 +74,16 @@ impl ReplayArgs {
 pub(super) fn open(
     file: &Path,
     kept: &KeptArgs,
-    output: &OutputArgs,
+    how: &HowArgs,
     folder: &Path,
 ) -> Result<(CaptureReader, Session), Failure> {
     let capture = CaptureReader::open(file)?;
     let info = capture.info().clone();
-    let embedded = if output.config.is_some() { Ok(Config::default()) } else { Config::from_toml(&info.config_toml) };
+    let embedded = if how.config.is_some() { Ok(Config::default()) } else { Config::from_toml(&info.config_toml) };
     let embedded = embedded.map_err(|error| {
         Failure::new(Kind::Data, format!("{}: its configuration: {error}; give one with --config", file.display()))
     })?;
-    let mut session = kept.begin(output.configuration(embedded)?, folder)?;
+    let mut session = kept.begin(how.configuration(embedded)?, folder)?;
     if let Some(words) = &info.faults {
         let faults: Result<Vec<TrueFault>, _> = words.iter().map(|word| word.parse()).collect();
         let faults = faults.map_err(|error| Failure::new(Kind::Data, format!("{}: {error}", file.display())))?;

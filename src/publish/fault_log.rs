@@ -12,17 +12,17 @@ pub(super) struct FaultLog {
 
 impl FaultLog {
     pub(super) fn create(folder: &Path) -> Result<Self, PublishError> {
-        let mut file = PartFile::create(folder, "faults.csv")?;
-        file.write(b"t_s,sensor,state,kind\n");
+        let mut file = PartFile::create(&folder.join("faults.csv"))?;
+        file.append(b"t_s,sensor,state,kind\n");
         Ok(Self { file })
     }
 
     pub(super) fn append(&mut self, fault: &FaultEvent) {
-        self.file.write(line(fault).as_bytes());
+        self.file.append(line(fault).as_bytes());
     }
 
     pub(super) fn append_encoder(&mut self, encoder: &EncoderEvent) {
-        self.file.write(encoder_line(encoder).as_bytes());
+        self.file.append(encoder_line(encoder).as_bytes());
     }
 
     pub(super) fn finish(self) -> Result<(), PublishError> {

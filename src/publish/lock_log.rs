@@ -14,8 +14,8 @@ pub(super) struct LockLog {
 
 impl LockLog {
     pub(super) fn create(folder: &Path) -> Result<Self, PublishError> {
-        let mut file = PartFile::create(folder, "lock.csv")?;
-        file.write(b"t_s,change,uncertain_since_s\n");
+        let mut file = PartFile::create(&folder.join("lock.csv"))?;
+        file.append(b"t_s,change,uncertain_since_s\n");
         Ok(Self { file, losses: 0, uncertain_s: 0.0 })
     }
 
@@ -30,7 +30,7 @@ impl LockLog {
             _ => self.uncertain_s += lock.at.seconds_since(lock.since),
         }
         let line = format!("{:.6},{change},{:.6}\n", lock.at.seconds(), lock.since.seconds());
-        self.file.write(line.as_bytes());
+        self.file.append(line.as_bytes());
     }
 
     /// How often the place was lost.

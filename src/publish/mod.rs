@@ -5,13 +5,17 @@ mod lock_log;
 mod map_file;
 mod part_file;
 mod picture;
+mod pose_table;
 mod summary;
 mod track;
 mod trajectory;
 
 pub use map_file::grey;
+pub use part_file::PartFile;
 pub use picture::{Curve, Plot};
+pub use pose_table::PoseTable;
 pub use summary::{EncoderFault, Latency, Summary};
+pub use trajectory::Trajectory;
 
 use crate::config::Config;
 use crate::event::{Calibration, Counters, EncoderState, Event, PositionEvent, SensorState, Wheel};
@@ -28,7 +32,6 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 use summary::Timings;
 use track::Track;
-use trajectory::Trajectory;
 
 /// A file that cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -86,8 +89,8 @@ impl Outputs {
         private::create_folder(folder).map_err(|source| PublishError { path: folder.into(), source })?;
         Ok(Self {
             folder: folder.into(),
-            trajectory: Trajectory::create(folder, "trajectory.tum")?,
-            odometry: Trajectory::create(folder, "odometry.tum")?,
+            trajectory: Trajectory::create(&folder.join("trajectory.tum"))?,
+            odometry: Trajectory::create(&folder.join("odometry.tum"))?,
             truth: None,
             fault_log: FaultLog::create(folder)?,
             lock_log: LockLog::create(folder)?,
@@ -153,7 +156,7 @@ impl Outputs {
     /// When the file cannot be created.
     pub fn truth(&mut self, at: Timestamp, pose: Pose2) -> Result<(), PublishError> {
         if self.truth.is_none() {
-            self.truth = Some(Trajectory::create(&self.folder, "truth.tum")?);
+            self.truth = Some(Trajectory::create(&self.folder.join("truth.tum"))?);
         }
         if let Some(truth) = &mut self.truth {
             truth.append(at, pose);

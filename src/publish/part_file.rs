@@ -1,4 +1,4 @@
-//! A file that appears whole or not at all: written as `NAME.part` in the same folder and renamed at the end.
+//! A file that appears whole or not at all: written as `NAME.part` beside its place and renamed at the end.
 //!
 //! A disk that fails for a while does not end the run: what it does not take waits in memory, up to a bound, and is tried again with what
 //! follows. Only [`PartFile::finish`] fails.
@@ -12,7 +12,7 @@ use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 /// A file being written. What a killed run leaves behind is `NAME.part`.
-pub(super) struct PartFile {
+pub struct PartFile {
     path: PathBuf,
     part: PathBuf,
     file: File,
@@ -29,15 +29,21 @@ const BLOCK: usize = 8 << 10;
 const MOST_WAITING: usize = 4 << 20;
 
 impl PartFile {
-    pub(super) fn create(folder: &Path, name: &str) -> Result<Self, PublishError> {
-        let part = folder.join(format!("{name}.part"));
+    /// Begins the file that will be `path`.
+    ///
+    /// # Errors
+    /// When it cannot be created.
+    pub fn create(path: &Path) -> Result<Self, PublishError> {
+        let mut part = path.as_os_str().to_owned();
+        part.push(".part");
+        let part = PathBuf::from(part);
         let file = private::create_file(&part).map_err(|source| PublishError { path: part.clone(), source })?;
-        let path = folder.join(name);
         let (waiting, write_at) = (Vec::with_capacity(BLOCK), BLOCK);
-        Ok(Self { path, part, file, waiting, write_at, failure: None, sha256: Sha256::new() })
+        Ok(Self { path: path.into(), part, file, waiting, write_at, failure: None, sha256: Sha256::new() })
     }
 
-    pub(super) fn write(&mut self, bytes: &[u8]) {
+    /// Adds to the file.
+    pub fn append(&mut self, bytes: &[u8]) {
         self.sha256.update(bytes);
         if self.failure.is_some() {
             return;
@@ -67,7 +73,10 @@ impl PartFile {
     }
 
     /// Gives the file its name and returns the SHA-256 of its content in hexadecimal.
-    pub(super) fn finish(mut self) -> Result<String, PublishError> {
+    ///
+    /// # Errors
+    /// When something of it could not be written; then it has no name.
+    pub fn finish(mut self) -> Result<String, PublishError> {
         let written = match self.failure.take() {
             Some(failure) => Err(failure),
             None => drain(&mut self.waiting, &mut self.file),
@@ -78,6 +87,21 @@ impl PartFile {
             let _ = write!(hex, "{byte:02x}");
             hex
         }))
+    }
+}
+
+/// Fails only once something is missing for ever.
+impl Write for PartFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.append(bytes);
+        match &self.failure {
+            Some(failure) => Err(io::Error::new(failure.kind(), failure.to_string())),
+            None => Ok(bytes.len()),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
     }
 }
 
@@ -96,7 +120,7 @@ fn drain(waiting: &mut Vec<u8>, file: &mut impl Write) -> io::Result<()> {
 
 /// Writes a whole file at once and returns its SHA-256.
 pub(super) fn write_file(folder: &Path, name: &str, bytes: &[u8]) -> Result<String, PublishError> {
-    let mut file = PartFile::create(folder, name)?;
+    let mut file = PartFile::create(&folder.join(name))?;
     file.sha256.update(bytes);
     file.waiting.extend_from_slice(bytes);
     file.finish()

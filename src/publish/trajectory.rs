@@ -7,21 +7,29 @@ use crate::time::Timestamp;
 use std::path::Path;
 
 /// A trajectory being written; memory stays constant however long the run.
-pub(super) struct Trajectory {
+pub struct Trajectory {
     file: PartFile,
 }
 
 impl Trajectory {
-    pub(super) fn create(folder: &Path, name: &str) -> Result<Self, PublishError> {
-        Ok(Self { file: PartFile::create(folder, name)? })
+    /// Begins the file that will be `path`.
+    ///
+    /// # Errors
+    /// When it cannot be created.
+    pub fn create(path: &Path) -> Result<Self, PublishError> {
+        Ok(Self { file: PartFile::create(path)? })
     }
 
-    pub(super) fn append(&mut self, at: Timestamp, pose: Pose2) {
-        self.file.write(line(at, pose).as_bytes());
+    /// Adds a pose.
+    pub fn append(&mut self, at: Timestamp, pose: Pose2) {
+        self.file.append(line(at, pose).as_bytes());
     }
 
-    /// Returns the SHA-256 of the file.
-    pub(super) fn finish(self) -> Result<String, PublishError> {
+    /// Gives the file its name and returns its SHA-256.
+    ///
+    /// # Errors
+    /// When something of it could not be written; then it has no name.
+    pub fn finish(self) -> Result<String, PublishError> {
         self.file.finish()
     }
 }

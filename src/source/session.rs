@@ -13,6 +13,7 @@ use crate::memory::{Impossible, Memory};
 use crate::metrics::TrueFault;
 use crate::pipeline::{Pipeline, Start};
 use crate::publish::{FinalState, Outputs, PublishError, Summary};
+use crate::sweep::Sweep;
 use crate::time::Timestamp;
 use bytes::Bytes;
 use std::path::Path;
@@ -85,6 +86,16 @@ impl Session {
     /// Lets somebody watch.
     pub fn watch(&mut self, watcher: Watcher) {
         self.watcher = Some(watcher);
+    }
+
+    /// Keeps each sweep for [`Session::take_sweeps`].
+    pub fn keep_sweeps(&mut self) {
+        self.pipeline.keep_sweeps();
+    }
+
+    /// The sweeps since the last call, where they are kept.
+    pub fn take_sweeps(&mut self) -> Vec<Sweep> {
+        self.pipeline.take_sweeps()
     }
 
     /// The same session, beginning with what another has remembered.

@@ -73,7 +73,7 @@ impl MonitorArgs {
     }
 
     fn watch(&self, port: &PortName, log: Log, runtime: &Runtime, mut shutdown: Shutdown) -> Result<(), Failure> {
-        let config = self.output.configuration(Config::default())?;
+        let config = self.output.how.configuration(Config::default())?;
         let mut screen = self.screen(log, &shutdown)?;
         let mut sampler = Sampler::new(&config, screen.slot());
         let end = self.live.drive(port, config, &self.output, (runtime, &mut shutdown), &mut |link, session| {
@@ -89,7 +89,7 @@ impl MonitorArgs {
     }
 
     fn play(&self, file: &Path, log: Log, runtime: &Runtime, mut shutdown: Shutdown) -> Result<(), Failure> {
-        let (mut capture, mut session) = replay::open(file, &self.live.kept, &self.output, &self.output.out)?;
+        let (mut capture, mut session) = replay::open(file, &self.live.kept, &self.output.how, &self.output.out)?;
         let mut screen = self.screen(log, &shutdown)?;
         let mut sampler = Sampler::new(session.config(), screen.slot());
         let play = play::play(&mut capture, &mut session, self.speed, &mut shutdown, &mut sampler, file);

@@ -1,0 +1,163 @@
+//! `slamd export FILE`
+
+use super::kept::KeptArgs;
+use super::replay::open;
+use super::{Failure, HowArgs, Kind, terminal};
+use crate::event::Event;
+use crate::publish::{PoseTable, Trajectory};
+use crate::ros2::{Bag, BagError};
+use crate::source::replay::step;
+use crate::source::session::{Session, Sight};
+use clap::{ArgGroup, Args};
+use std::cell::RefCell;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+
+const EXAMPLES: &str = "Examples:
+  slamd export drive.mcap --mcap drive-ros2.mcap    for `ros2 bag play` and Foxglove
+  slamd export drive.mcap --csv poses.csv --tum poses.tum
+
+docs/export.md has topics, frames, rates and units. Maps as pictures and for map_server come from `slamd replay`.";
+
+/// Turn a capture into what other programs read: a ROS 2 bag, which Foxglove opens too, or a table of poses.
+#[derive(Debug, Args)]
+#[command(after_help = EXAMPLES, group(ArgGroup::new("wanted").required(true).multiple(true)))]
+pub(super) struct ExportArgs {
+    /// A capture (MCAP): recorded with --record, simulated or imported. It is run again for this.
+    file: PathBuf,
+    /// Write map, poses, transforms, ranges and diagnostics as a ROS 2 bag (MCAP) to this file.
+    #[arg(long, value_name = "FILE", group = "wanted")]
+    mcap: Option<PathBuf>,
+    /// Write the poses with their variances as a table to this file.
+    #[arg(long, value_name = "FILE", group = "wanted")]
+    csv: Option<PathBuf>,
+    /// Write the poses in the format of the TUM benchmark to this file.
+    #[arg(long, value_name = "FILE", group = "wanted")]
+    tum: Option<PathBuf>,
+    #[command(flatten)]
+    how: HowArgs,
+}
+
+/// The files being written.
+struct Exports {
+    bag: Option<Bag>,
+    table: Option<PoseTable>,
+    trajectory: Option<Trajectory>,
+}
+
+impl ExportArgs {
+    pub(super) fn run(self) -> Result<(), Failure> {
+        self.check()?;
+        // A session leaves files of its own, which nobody has asked for.
+        let folder = tempfile::tempdir().map_err(|error| {
+            Failure::new(
+                Kind::CantCreate,
+                format!("a temporary folder: {error}; name one that can be written in TMPDIR"),
+            )
+        })?;
+        let (mut capture, mut session) = open(&self.file, &KeptArgs::default(), &self.how, folder.path())?;
+        let mut exports = self.begin(&session, capture.info().unix_zero_us)?;
+        session.keep_sweeps();
+        let events = listen(&mut session);
+        let bar = terminal::progress(None);
+        for record in &mut capture {
+            let record = record?;
+            terminal::show(&bar, record.at().seconds());
+            step(&mut session, record)?;
+            exports.take(&mut session, &events.take())?;
+        }
+        session.end();
+        exports.take(&mut session, &events.take())?;
+        bar.finish_and_clear();
+        if let Some(damage) = capture.damage() {
+            tracing::warn!("{}: {damage}; what was readable has been used", self.file.display());
+        }
+        self.finish(exports, &session)
+    }
+
+    fn files(&self) -> impl Iterator<Item = &Path> {
+        [&self.mcap, &self.csv, &self.tum].into_iter().filter_map(Option::as_deref)
+    }
+
+    /// Neither the capture nor one export takes the place of another.
+    fn check(&self) -> Result<(), Failure> {
+        let same =
+            |a: &Path, b: &Path| a == b || a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b));
+        for (count, file) in self.files().enumerate() {
+            if file.is_dir() {
+                return Err(Failure::new(Kind::Usage, format!("{} is a folder; name a file", file.display())));
+            }
+            if same(file, &self.file) || self.files().take(count).any(|other| same(file, other)) {
+                let text = format!("{} would be written over; name another file", file.display());
+                return Err(Failure::new(Kind::Usage, text));
+            }
+        }
+        Ok(())
+    }
+
+    fn begin(&self, session: &Session, unix_zero_us: Option<u64>) -> Result<Exports, Failure> {
+        Ok(Exports {
+            bag: self.mcap.as_deref().map(|path| Bag::create(path, session.config(), unix_zero_us)).transpose()?,
+            table: self.csv.as_deref().map(PoseTable::create).transpose().map_err(unwritten)?,
+            trajectory: self.tum.as_deref().map(Trajectory::create).transpose().map_err(unwritten)?,
+        })
+    }
+
+    fn finish(&self, exports: Exports, session: &Session) -> Result<(), Failure> {
+        if let Some((path, bag)) = self.mcap.as_deref().zip(exports.bag) {
+            let (messages, topics) = bag.finish(session)?;
+            terminal::say(format_args!("ROS 2 bag: {}, {messages} messages on {topics} topics", path.display()));
+        }
+        if let Some((path, table)) = self.csv.as_deref().zip(exports.table) {
+            table.finish().map_err(unwritten)?;
+            terminal::say(format_args!("poses: {}", path.display()));
+        }
+        if let Some((path, trajectory)) = self.tum.as_deref().zip(exports.trajectory) {
+            trajectory.finish().map_err(unwritten)?;
+            terminal::say(format_args!("poses: {}", path.display()));
+        }
+        Ok(())
+    }
+}
+
+impl Exports {
+    /// Takes what the last input has brought.
+    fn take(&mut self, session: &mut Session, events: &[Event]) -> Result<(), Failure> {
+        let sweeps = session.take_sweeps();
+        if let Some(bag) = &mut self.bag {
+            bag.take(session, events, &sweeps)?;
+        }
+        for event in events {
+            let Event::Estimate(estimate) = event else { continue };
+            if let Some(table) = &mut self.table {
+                table.append(estimate);
+            }
+            if let Some(trajectory) = &mut self.trajectory {
+                trajectory.append(estimate.at, estimate.pose);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The events of a session, as they come.
+fn listen(session: &mut Session) -> Rc<RefCell<Vec<Event>>> {
+    let events = Rc::new(RefCell::new(Vec::new()));
+    let heard = Rc::clone(&events);
+    session.watch(Box::new(move |_, sight| {
+        if let Sight::Event(event) = sight {
+            heard.borrow_mut().push(event.clone());
+        }
+    }));
+    events
+}
+
+fn unwritten(error: impl Into<BagError>) -> Failure {
+    error.into().into()
+}
+
+impl From<BagError> for Failure {
+    fn from(error: BagError) -> Self {
+        Self::new(Kind::CantCreate, format!("{error}; name a file that can be written"))
+    }
+}
