@@ -49,9 +49,12 @@ pub mod bench;
 pub mod cli;
 pub mod daemon;
 pub mod monitor;
+#[cfg(feature = "mqtt")]
+pub mod mqtt;
 pub mod port;
 pub mod priority;
 pub mod private;
 pub mod recorder;
+pub mod service;
 #[cfg(feature = "viewer")]
 pub mod viewer;

@@ -36,6 +36,10 @@ pub enum LinkState {
 }
 
 impl LinkState {
+    /// All of them.
+    pub const ALL: [Self; 6] =
+        [Self::Searching, Self::Listening, Self::Handshake, Self::Streaming, Self::Stale, Self::Lost];
+
     /// The word used in logs.
     #[must_use]
     pub const fn word(self) -> &'static str {

@@ -3,12 +3,11 @@
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
 use slamd::cli::Kind;
-use std::path::Path;
 use std::process::{Command, Output};
 
 const UNIT: &str = include_str!("../configs/systemd/slamd.service");
-/// Where the unit expects the program.
-const INSTALLED: &str = "/usr/local/bin/slamd";
+/// Where the unit expects the program: wherever systemd finds it, /usr/local/bin before /usr/bin.
+const PROGRAM: &str = "ExecStart=slamd ";
 /// Tenths of systemd's measure of exposure, from 0 to 100. What is left: serial ports, their group, and sockets in a network of its own.
 const MOST_EXPOSED: &str = "15";
 
@@ -16,7 +15,9 @@ const MOST_EXPOSED: &str = "15";
 fn analyze(unit: &str, arguments: &[&str]) -> Option<Output> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("slamd.service");
-    std::fs::write(&path, unit.replace(INSTALLED, env!("CARGO_BIN_EXE_slamd"))).unwrap();
+    assert!(unit.contains(PROGRAM));
+    let built = format!("ExecStart={} ", env!("CARGO_BIN_EXE_slamd"));
+    std::fs::write(&path, unit.replace(PROGRAM, &built)).unwrap();
     match Command::new("systemd-analyze").args(arguments).arg(&path).env("SYSTEMD_COLORS", "0").output() {
         Ok(output) => Some(output),
         Err(error) => {
@@ -67,17 +68,34 @@ fn it_is_not_started_again_where_that_cannot_help() {
 }
 
 #[test]
+fn it_says_when_it_is_up_and_its_watchdog_is_patient_enough() {
+    assert_eq!(setting("Type"), "notify");
+    // Four times the longest sleep of the pipeline's loop, which is a quarter more than 2 s while no port is there.
+    assert!(setting("WatchdogSec").parse::<f64>().unwrap() >= 4.0 * 2.5);
+}
+
+/// The unit's command line with these variables.
+fn arguments(port: &'static str, options: &'static str) -> Vec<&'static str> {
+    let words = setting("ExecStart").split_whitespace().skip(1);
+    let expanded = words.flat_map(|word| match word {
+        "${SLAMD_PORT}" => vec![port],
+        "$SLAMD_OPTIONS" => options.split_whitespace().collect(),
+        word => vec![word],
+    });
+    expanded.collect()
+}
+
+#[test]
 fn the_program_takes_the_unit_s_arguments() {
-    let mut words = setting("ExecStart").split_whitespace();
-    assert_eq!(words.next(), Some(INSTALLED));
-    let arguments: Vec<&str> = words.collect();
-    assert!(Path::new(env!("CARGO_BIN_EXE_slamd")).exists() && arguments.contains(&"--port"));
-    let takes = |extra: &[&str]| {
-        let program = Command::new(env!("CARGO_BIN_EXE_slamd")).args(&arguments).args(extra).arg("--help").output();
-        program.unwrap().status.success()
+    assert_eq!(setting("Environment"), "SLAMD_PORT=auto");
+    let takes = |options: &'static str| {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_slamd"));
+        program.args(arguments("auto", options)).arg("--help").output().unwrap().status.success()
     };
-    assert!(takes(&[]) && !takes(&["--nonsense"]));
+    assert!(takes("") && takes("--realtime --record /var/lib/slamd/drives/") && !takes("--nonsense"));
     let state = format!("/var/lib/{}/", setting("StateDirectory"));
+    let arguments = arguments("auto", "");
     let written = arguments.iter().filter(|argument| argument.starts_with("/var/"));
-    assert!(written.clone().count() > 0 && written.clone().all(|path| path.starts_with(&state)), "{arguments:?}");
+    assert!(written.clone().count() > 1 && written.clone().all(|path| path.starts_with(&state)), "{arguments:?}");
+    assert!(arguments.windows(2).any(|pair| pair == ["--session", "/var/lib/slamd/home.session"]), "{arguments:?}");
 }

@@ -1,4 +1,4 @@
-//! From the pipeline's thread to the server's: one place, where the newest wins.
+//! From the pipeline's thread to another: one place, where the newest wins.
 
 use super::snapshot::Snapshot;
 use crate::mapping::raster::Raster;
@@ -9,7 +9,7 @@ use tokio::sync::Notify;
 
 /// Where a session's newest moment lies.
 #[derive(Debug, Default)]
-pub(super) struct Mailbox {
+pub struct Mailbox {
     slot: Mutex<Slot>,
     /// Clients that want to hear of each sweep.
     pub(super) watchers: AtomicUsize,
@@ -28,17 +28,17 @@ pub(super) struct Slot {
 
 impl Mailbox {
     /// Asks for the moment as it is, whether anything has changed or not.
-    pub(super) fn ask(&self) {
+    pub fn ask(&self) {
         self.asked.store(true, Ordering::Release);
     }
 
     /// Asks for the map.
-    pub(super) fn ask_map(&self) {
+    pub fn ask_map(&self) {
         self.map_asked.store(true, Ordering::Release);
     }
 
     /// Waits for a moment and takes it, with the map where that was asked for.
-    pub(super) async fn next(&self) -> (Snapshot, Option<(Timestamp, Raster)>) {
+    pub async fn next(&self) -> (Snapshot, Option<(Timestamp, Raster)>) {
         self.news.notified().await;
         let mut slot = self.slot.lock().unwrap_or_else(PoisonError::into_inner);
         (slot.snapshot.clone(), slot.map.take())
@@ -66,7 +66,7 @@ impl Mailbox {
         Some((slot, self.map_asked.swap(false, Ordering::AcqRel)))
     }
 
-    /// Tells the server that there is something new.
+    /// Tells whoever waits that there is something new.
     pub(super) fn tell(&self) {
         self.news.notify_one();
     }

@@ -15,16 +15,6 @@ pub(super) struct Served {
     pub(super) slow: u64,
 }
 
-/// All states of the line: each is a series, of which one is 1.
-const STATES: [LinkState; 6] = [
-    LinkState::Searching,
-    LinkState::Listening,
-    LinkState::Handshake,
-    LinkState::Streaming,
-    LinkState::Stale,
-    LinkState::Lost,
-];
-
 /// The page.
 pub(super) fn page(snapshot: &Snapshot, served: Served) -> String {
     let mut page = String::new();
@@ -52,7 +42,8 @@ pub(super) fn page(snapshot: &Snapshot, served: Served) -> String {
     family(&mut page, "api_clients", "gauge", "Clients that are connected.", [(String::new(), served.clients as f64)]);
     let state =
         |state: LinkState| (format!("{{state=\"{}\"}}", state.word()), f64::from(u8::from(state == snapshot.link)));
-    family(&mut page, "link_state", "gauge", "1 for the state of the line to the board.", STATES.map(state));
+    let states = LinkState::ALL.map(state);
+    family(&mut page, "link_state", "gauge", "1 for the state of the line to the board.", states);
     family(&mut page, "sensors", "gauge", "Sensors of the ring.", [(String::new(), snapshot.ring.len() as f64)]);
     let faulty = (0..snapshot.ring.len()).map(|sensor| {
         let is_faulty = snapshot.faulty().any(|change| change.sensor == sensor);

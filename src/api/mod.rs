@@ -22,6 +22,7 @@ mod visit;
 
 pub use client::{Asks, Client, End};
 pub use listener::{Listener, ListenerError};
+pub use mailbox::Mailbox;
 pub use report::{MAJOR, MINOR, Report, map_line};
 pub use request::{LONGEST_LINE, Request, RequestError, Watch, parse};
 pub use server::Server;

@@ -20,7 +20,9 @@ pub struct Tap {
 }
 
 impl Tap {
-    pub(super) fn new(mailbox: Arc<Mailbox>, robot: String) -> Self {
+    /// What looks at the session of this robot, for whoever has the other end of the mailbox.
+    #[must_use]
+    pub fn new(mailbox: Arc<Mailbox>, robot: String) -> Self {
         Self { mailbox, robot, unix_zero_us: None, sweep: None, link: LinkState::Searching, cause: String::new() }
     }
 

@@ -1,8 +1,8 @@
 //! The word that lets a client in.
 
+use crate::private;
 use sha2::{Digest as _, Sha256};
 use std::fmt;
-use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 use subtle::ConstantTimeEq as _;
 
@@ -31,14 +31,8 @@ impl Token {
     /// Where it cannot be read, others than its owner may read it, or it holds no token.
     pub fn read(path: &Path) -> Result<Self, TokenError> {
         let failure = |cause: String| TokenError { path: path.into(), cause };
-        let system = |error: std::io::Error| failure(format!("{error}; name a file that holds the token"));
-        let mode = std::fs::metadata(path).map_err(system)?.permissions().mode();
-        if mode & 0o077 != 0 {
-            let mode = mode & 0o777;
-            return Err(failure(format!("others may use it (mode {mode:o}): `chmod 600` keeps it to its owner")));
-        }
-        let text = std::fs::read_to_string(path).map_err(system)?;
-        let word = text.lines().next().unwrap_or_default().trim();
+        let line = private::first_line(path).map_err(failure)?;
+        let word = line.trim();
         if !(SHORTEST..=LONGEST).contains(&word.len()) || !word.bytes().all(|byte| byte.is_ascii_graphic()) {
             return Err(failure(format!(
                 "its first line must be {SHORTEST} to {LONGEST} printable ASCII characters, as `openssl rand -hex 32` makes them"
@@ -70,6 +64,7 @@ impl fmt::Debug for Token {
 mod tests {
     use super::*;
     use std::fs::{Permissions, set_permissions, write};
+    use std::os::unix::fs::PermissionsExt as _;
 
     #[test]
     fn a_file_for_its_owner_alone_holds_the_token() {

@@ -21,6 +21,9 @@ pub(super) struct KeptArgs {
     /// Save map, walls, pose, wheels and sensors to this session file at the end; with a robot also every minute.
     #[arg(long, value_name = "FILE")]
     save_session: Option<PathBuf>,
+    /// --resume and --save-session in one, for a robot that is switched off and on: go on with this session, or begin it where there is no file yet.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["resume", "localize", "save_session"])]
+    session: Option<PathBuf>,
     /// Save the wheels as learnt to this robot configuration, for --config.
     #[arg(long, value_name = "FILE")]
     save_calibration: Option<PathBuf>,
@@ -29,17 +32,18 @@ pub(super) struct KeptArgs {
 impl KeptArgs {
     /// True where anything is to be taken from, or left for, another run.
     pub(super) fn is_any(&self) -> bool {
-        [&self.resume, &self.localize, &self.save_session, &self.save_calibration].iter().any(|path| path.is_some())
+        let paths = [&self.resume, &self.localize, &self.save_session, &self.session, &self.save_calibration];
+        paths.iter().any(|path| path.is_some())
     }
 
     /// The session, begun with what was kept.
     pub(super) fn begin(&self, config: Config, folder: &Path) -> Result<Session, Failure> {
-        let keeps = self.save_session.is_some() || self.save_calibration.is_some();
+        let keeps = self.saved().is_some() || self.save_calibration.is_some();
         if config.method == Method::Paper && keeps {
             return Err(Failure::new(Kind::Usage, "the paper's method learns nothing that could be saved"));
         }
         let load = |path: &Path| -> Result<Box<Memory>, Failure> { Ok(Box::new(session_file::read(path)?)) };
-        let (start, path) = match (&self.resume, &self.localize) {
+        let (start, path) = match (self.resumed()?, &self.localize) {
             (Some(path), _) => (Start::Resume(load(path)?), path),
             (None, Some(path)) => (Start::Localize(load(path)?), path),
             (None, None) => return Ok(Session::new(config, folder)?),
@@ -50,7 +54,25 @@ impl KeptArgs {
 
     /// Saves the session while a robot is listened to, if wanted.
     pub(super) fn saver(&self) -> Option<Saver> {
-        self.save_session.clone().map(Saver::new)
+        self.saved().cloned().map(Saver::new)
+    }
+
+    /// The session file to be written.
+    fn saved(&self) -> Option<&PathBuf> {
+        self.save_session.as_ref().or(self.session.as_ref())
+    }
+
+    /// The session file to go on with. One that cannot be looked for is not taken for missing: it would be written over.
+    fn resumed(&self) -> Result<Option<&PathBuf>, Failure> {
+        let Some(path) = &self.session else { return Ok(self.resume.as_ref()) };
+        match path.try_exists() {
+            Ok(true) => Ok(Some(path)),
+            Ok(false) => {
+                tracing::info!("{}: there is no session yet, so a new one begins", path.display());
+                Ok(None)
+            }
+            Err(error) => Err(Failure::new(Kind::Io, format!("{}: {error}", path.display()))),
+        }
     }
 
     /// Saves, at the end, whatever is wanted: one failure does not keep the other file from being written.

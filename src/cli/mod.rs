@@ -10,6 +10,8 @@ mod import;
 mod inspect;
 mod kept;
 mod monitor;
+#[cfg(feature = "mqtt")]
+mod mqtt;
 mod ports;
 mod record;
 mod replay;

@@ -2,6 +2,7 @@
 
 use super::kept::KeptArgs;
 use super::{Failure, Kind, OutputArgs, terminal};
+use crate::api::Tap;
 use crate::capture::CaptureInfo;
 use crate::config::Config;
 use crate::daemon::{self, Live, Observer, Options, SessionClock, Shutdown};
@@ -11,6 +12,7 @@ use crate::port::PortName;
 use crate::priority;
 use crate::publish::Summary;
 use crate::recorder::{Losses, Recorder};
+use crate::service::Service;
 use crate::source::session::Session;
 use crate::time::Timestamp;
 use clap::Args;
@@ -56,6 +58,9 @@ pub(super) struct LiveArgs {
     pub(super) kept: KeptArgs,
     #[command(flatten)]
     api: super::api::ApiArgs,
+    #[cfg(feature = "mqtt")]
+    #[command(flatten)]
+    mqtt: super::mqtt::MqttArgs,
     #[cfg(feature = "viewer")]
     #[command(flatten)]
     viewer: super::viewer::LiveViewerArgs,
@@ -114,21 +119,29 @@ impl LiveArgs {
     ) -> Result<Option<End>, Failure> {
         let options = Options { port, baud: self.baud, exit_on_hangup: self.exit_on_hangup };
         let server = self.api.begin()?;
-        let mut tap = server.as_ref().map(|server| server.tap(&config.robot.name));
+        let mut taps: Vec<Tap> = server.iter().map(|server| server.tap(&config.robot.name)).collect();
+        // Ends with this function, when the map has been written.
+        #[cfg(feature = "mqtt")]
+        let post = self.mqtt.begin(&config.robot.name)?;
+        #[cfg(feature = "mqtt")]
+        taps.extend(post.iter().map(|post| post.tap(&config.robot.name)));
+        let mut service = Service::begin();
         let mut link = Link::new(self.baud);
         // Nothing is created, and no older recording overwritten, before the board's port is open.
         let mut look = |link: &Link| {
-            tap.iter_mut().for_each(|tap| tap.look(link, None));
+            taps.iter_mut().for_each(|tap| tap.look(link, None));
+            service.iter_mut().for_each(|service| service.look(link, None));
             observe(link, None);
         };
         let port = runtime.block_on(daemon::search(options, &mut link, Timestamp::default, shutdown, &mut look));
         let Some(port) = port.map_err(|trouble| Failure::new(Kind::Unavailable, trouble.to_string()))? else {
+            service.iter().for_each(Service::stopping);
             return Ok(None);
         };
         let mut session = self.kept.begin(config.clone(), &output.out)?;
         let mut saver = self.kept.saver();
         let (clock, info) = begin(&config);
-        tap.iter_mut().for_each(|tap| tap.begin(info.unix_zero_us));
+        taps.iter_mut().for_each(|tap| tap.begin(info.unix_zero_us));
         let mut recorder = self.record.begin(info.clone())?;
         #[cfg(feature = "viewer")]
         let watched = self.viewer.begin(&config.robot.name, info.unix_zero_us)?;
@@ -142,11 +155,13 @@ impl LiveArgs {
         }
         let live = Live { clock, session: &mut session, recorder: &mut recorder, saver: &mut saver };
         let mut look = |link: &Link, session: Option<&Session>| {
-            tap.iter_mut().for_each(|tap| tap.look(link, session));
+            taps.iter_mut().for_each(|tap| tap.look(link, session));
+            service.iter_mut().for_each(|service| service.look(link, session));
             observe(link, session);
         };
         let run = daemon::run(options, port, &mut link, shutdown, live, &mut look);
         runtime.block_on(run);
+        service.iter().for_each(Service::stopping);
         session.end();
         drop(server);
         // Whatever went wrong, the map is kept.

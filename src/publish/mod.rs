@@ -6,6 +6,7 @@ mod map_file;
 mod part_file;
 mod picture;
 mod pose_table;
+mod sketch;
 mod summary;
 mod track;
 mod trajectory;
@@ -14,6 +15,7 @@ pub use map_file::grey;
 pub use part_file::PartFile;
 pub use picture::{Curve, Plot};
 pub use pose_table::PoseTable;
+pub use sketch::{Sketch, Surroundings};
 pub use summary::{EncoderFault, Latency, Summary};
 pub use trajectory::Trajectory;
 
@@ -67,11 +69,8 @@ pub struct Outputs {
     truth: Option<Trajectory>,
     fault_log: FaultLog,
     lock_log: LockLog,
-    path: Track,
-    odometry_path: Track,
+    sketch: Sketch,
     truth_path: Track,
-    map_from_odom: Option<Pose2>,
-    pose: Pose2,
     accuracy: AccuracyMeter,
     faults: Option<FaultMeter>,
     encoders: [Option<EncoderFault>; 2],
@@ -94,11 +93,8 @@ impl Outputs {
             truth: None,
             fault_log: FaultLog::create(folder)?,
             lock_log: LockLog::create(folder)?,
-            path: Track::default(),
-            odometry_path: Track::default(),
+            sketch: Sketch::default(),
             truth_path: Track::default(),
-            map_from_odom: None,
-            pose: Pose2::default(),
             accuracy: AccuracyMeter::default(),
             faults: None,
             encoders: [None, None],
@@ -119,11 +115,7 @@ impl Outputs {
             Event::Estimate(estimate) => {
                 self.trajectory.append(estimate.at, estimate.pose);
                 self.odometry.append(estimate.at, estimate.odometry);
-                let map_from_odom =
-                    *self.map_from_odom.get_or_insert_with(|| estimate.pose * estimate.odometry.inverse());
-                self.path.push(estimate.pose.position());
-                self.odometry_path.push((map_from_odom * estimate.odometry).position());
-                self.pose = estimate.pose;
+                self.sketch.estimate(estimate);
                 self.accuracy.estimate(estimate.at, estimate.pose);
                 if let Some(faults) = &mut self.faults {
                     faults.estimate(estimate.at, estimate.at);
@@ -218,18 +210,13 @@ impl Outputs {
         let truth: Vec<_> = map_from_world
             .map(|transform| self.truth_path.points().into_iter().map(|point| transform.transform(point)).collect())
             .unwrap_or_default();
-        picture::draw(&picture::Scene {
+        let around = Surroundings {
             raster: state.raster,
-            path: &self.path.points(),
-            path_m: self.path.length_m(),
-            odometry: &self.odometry_path.points(),
-            truth: &truth,
-            ate_m: summary.accuracy.map(|accuracy| accuracy.ate_m),
-            pose: self.pose,
             ring: state.ring,
             states: state.states,
             robot_name: &state.config.robot.name,
-        })
+        };
+        self.sketch.draw_with_truth(around, &truth, summary.accuracy.map(|accuracy| accuracy.ate_m))
     }
 }
 

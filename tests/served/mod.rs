@@ -21,10 +21,15 @@ pub struct Served {
 
 impl Served {
     pub fn new(options: &[&str]) -> Self {
+        Self::with(options, &[])
+    }
+
+    /// The same with these variables.
+    pub fn with(options: &[&str], variables: &[(&str, &str)]) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let mut command = Command::new(env!("CARGO_BIN_EXE_slamd"));
         command.arg("--port").arg(folder.path().join("board")).arg("--out").arg(folder.path().join("out"));
-        command.args(options).current_dir(folder.path());
+        command.args(options).envs(variables.iter().copied()).current_dir(folder.path());
         if cfg!(feature = "viewer") {
             command.args(["--viewer", "off"]);
         }

@@ -34,6 +34,11 @@ const CONFLICTS: [&str; 5] = ["baud", "record", "exit_on_hangup", "viewer", "exp
 #[cfg(not(feature = "viewer"))]
 const CONFLICTS: [&str; 3] = ["baud", "record", "exit_on_hangup"];
 
+#[cfg(feature = "mqtt")]
+const MQTT: [&str; 3] = super::mqtt::NAMES;
+#[cfg(not(feature = "mqtt"))]
+const MQTT: [&str; 0] = [];
+
 /// Map with a robot, or play a capture, and watch: ring, rates, faults, pose and map on this terminal.
 #[derive(Debug, Args)]
 #[command(after_help = HELP, group(ArgGroup::new("what").required(true).args(["port", "capture"])))]
@@ -42,7 +47,7 @@ pub(super) struct MonitorArgs {
     #[arg(long, value_name = "PORT")]
     port: Option<PortName>,
     /// Play this capture instead.
-    #[arg(long, value_name = "FILE", conflicts_with_all = CONFLICTS, conflicts_with_all = api::NAMES)]
+    #[arg(long, value_name = "FILE", conflicts_with_all = CONFLICTS, conflicts_with_all = api::NAMES, conflicts_with_all = MQTT)]
     capture: Option<PathBuf>,
     /// Play the capture so many times as fast as it was recorded.
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = speed, conflicts_with = "port")]

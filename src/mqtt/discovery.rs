@@ -1,0 +1,100 @@
+//! The messages by which Home Assistant finds the robot: one device with its map, pose, link and sensors.
+//!
+//! <https://www.home-assistant.io/integrations/mqtt/#mqtt-discovery>; `tests/mqtt.rs` has the keys that it demands.
+
+use super::names::Names;
+use crate::link::LinkState;
+use serde_json::{Value, json};
+
+/// No board has more.
+const MOST_SENSORS: usize = 32;
+
+/// Topic and payload of each entity's description, for a ring of `sensors`, 0 while it is not known. The payload is empty, which removes the entity,
+/// for sensors that another ring may have had.
+#[must_use]
+pub fn discovery(names: &Names, sensors: usize) -> Vec<(String, String)> {
+    let mut messages = vec![map(names)];
+    messages.extend(pose(names));
+    messages.push(link(names));
+    messages.push(position(names));
+    messages.extend((0..sensors).map(|sensor| self::sensor(names, sensor)));
+    if sensors > 0 {
+        let surplus = (sensors..MOST_SENSORS).map(|sensor| names.config_topic("binary_sensor", &format!("sensor_{sensor}")));
+        messages.extend(surplus.map(|topic| (topic, String::new())));
+    }
+    messages
+}
+
+fn map(names: &Names) -> (String, String) {
+    let map = json!({ "name": "Map", "image_topic": names.topic("map"), "content_type": "image/png" });
+    entity(names, "image", "map", map)
+}
+
+fn pose(names: &Names) -> [(String, String); 3] {
+    let coordinate = |id: &str, name: &str| {
+        let coordinate = json!({
+            "name": name,
+            "state_topic": names.topic("pose"),
+            "value_template": format!("{{{{ value_json.{id}_m }}}}"),
+            "unit_of_measurement": "m",
+            "device_class": "distance",
+            "state_class": "measurement",
+        });
+        entity(names, "sensor", id, coordinate)
+    };
+    let heading = json!({
+        "name": "Heading",
+        "state_topic": names.topic("pose"),
+        "value_template": "{{ value_json.heading_deg }}",
+        "unit_of_measurement": "°",
+        "icon": "mdi:compass",
+    });
+    [coordinate("x", "X"), coordinate("y", "Y"), entity(names, "sensor", "heading", heading)]
+}
+
+fn link(names: &Names) -> (String, String) {
+    let link = json!({
+        "name": "Link",
+        "state_topic": names.topic("link"),
+        "json_attributes_topic": names.topic("link/attributes"),
+        "device_class": "enum",
+        "options": LinkState::ALL.map(LinkState::word),
+        "entity_category": "diagnostic",
+    });
+    entity(names, "sensor", "link", link)
+}
+
+fn position(names: &Names) -> (String, String) {
+    let position = json!({
+        "name": "Position uncertain",
+        "state_topic": names.topic("position_uncertain"),
+        "device_class": "problem",
+    });
+    entity(names, "binary_sensor", "position_uncertain", position)
+}
+
+fn sensor(names: &Names, sensor: usize) -> (String, String) {
+    let description = json!({
+        "name": format!("Sensor {sensor}"),
+        "state_topic": names.topic(&format!("sensor/{sensor}")),
+        "json_attributes_topic": names.topic(&format!("sensor/{sensor}/attributes")),
+        "device_class": "problem",
+        "entity_category": "diagnostic",
+    });
+    entity(names, "binary_sensor", &format!("sensor_{sensor}"), description)
+}
+
+/// With what all entities share.
+fn entity(names: &Names, component: &str, id: &str, mut description: Value) -> (String, String) {
+    description["unique_id"] = format!("{}_{id}", names.device()).into();
+    description["availability_topic"] = names.topic("availability").into();
+    description["device"] = json!({
+        "identifiers": [names.device()],
+        "name": names.title,
+        "manufacturer": "slamd",
+        "model": "ring of ultrasonic sensors",
+        "sw_version": env!("CARGO_PKG_VERSION"),
+    });
+    description["origin"] = json!({ "name": "slamd", "sw_version": env!("CARGO_PKG_VERSION") });
+    (names.config_topic(component, id), description.to_string())
+}

@@ -1,0 +1,92 @@
+//! A moment of the session as topics and payloads.
+
+use super::names::Names;
+use crate::api::Snapshot;
+use crate::event::{FaultEvent, SensorState};
+use serde_json::json;
+
+/// Topic and payload of all that is known at this moment, the map apart.
+pub(super) fn moment(names: &Names, snapshot: &Snapshot) -> Vec<(String, String)> {
+    let mut messages = vec![
+        (names.topic("link"), snapshot.link.word().to_owned()),
+        (names.topic("link/attributes"), json!({ "cause": snapshot.cause }).to_string()),
+    ];
+    if let Some(estimate) = &snapshot.estimate {
+        let pose = estimate.pose;
+        let payload = json!({
+            "x_m": rounded(pose.x_m, 100.0),
+            "y_m": rounded(pose.y_m, 100.0),
+            "heading_deg": rounded(pose.theta_rad.to_degrees(), 10.0),
+        });
+        messages.push((names.topic("pose"), payload.to_string()));
+        messages.push((names.topic("position_uncertain"), word(snapshot.is_lost)));
+    }
+    for sensor in 0..snapshot.ring.len() {
+        let fault = snapshot.faulty().find(|change| change.sensor == sensor);
+        let topic = names.topic(&format!("sensor/{sensor}"));
+        messages.push((format!("{topic}/attributes"), attributes(fault)));
+        messages.push((topic, word(fault.is_some())));
+    }
+    messages
+}
+
+/// What is wrong with a sensor, if anything is.
+fn attributes(fault: Option<&FaultEvent>) -> String {
+    let state = match fault.map(|fault| fault.state) {
+        Some(SensorState::Faulty(kind)) => kind.word(),
+        Some(SensorState::Healthy) | None => "healthy",
+    };
+    json!({ "state": state, "reason": fault.map_or("", |fault| &fault.reason) }).to_string()
+}
+
+/// As Home Assistant's binary sensors have it.
+fn word(is_on: bool) -> String {
+    if is_on { "ON" } else { "OFF" }.into()
+}
+
+/// To so many parts of one: a robot that stands still is told once. Zero has no sign.
+fn rounded(value: f64, parts: f64) -> f64 {
+    libm::round(value * parts) / parts + 0.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::event::{Estimate, FaultKind};
+    use crate::geometry::{Pose2, Ring};
+    use crate::time::Timestamp;
+    use nalgebra::Matrix3;
+
+    #[test]
+    fn what_is_not_known_is_not_said_and_the_rest_in_plain_words() {
+        let names = Names::new("robot");
+        let mut snapshot = Snapshot { cause: "port missing".into(), ..Snapshot::default() };
+        let told = moment(&names, &snapshot);
+        assert_eq!(told[0], ("slamd/robot/link".into(), "searching".into()));
+        assert_eq!(told[1].1, r#"{"cause":"port missing"}"#);
+        assert_eq!(told.len(), 2);
+
+        snapshot.ring = Ring::circle(2, 0.1, 0.1, 1);
+        let (at, state) = (Timestamp::default(), SensorState::Faulty(FaultKind::Stuck));
+        snapshot.changes = vec![None, Some(FaultEvent { at, sensor: 1, state, reason: "always 1 m".into() })];
+        snapshot.is_lost = true;
+        snapshot.estimate = Some(Estimate {
+            at,
+            sweep: 1,
+            pose: Pose2::new(1.234, -0.001, std::f64::consts::FRAC_PI_3),
+            covariance: Matrix3::zeros(),
+            odometry: Pose2::default(),
+            nis: 1.0,
+        });
+        let told: Vec<_> = moment(&names, &snapshot).into_iter().skip(2).collect();
+        let expected = [
+            ("pose", r#"{"heading_deg":60.0,"x_m":1.23,"y_m":0.0}"#),
+            ("position_uncertain", "ON"),
+            ("sensor/0/attributes", r#"{"reason":"","state":"healthy"}"#),
+            ("sensor/0", "OFF"),
+            ("sensor/1/attributes", r#"{"reason":"always 1 m","state":"stuck"}"#),
+            ("sensor/1", "ON"),
+        ];
+        assert_eq!(told, expected.map(|(topic, payload)| (names.topic(topic), payload.to_owned())));
+    }
+}
