@@ -14,7 +14,7 @@ pub struct Broker {
 
 /// Not a broker's address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("it must be HOST or HOST:PORT, such as homeassistant.local, 192.168.1.5:1883 or [fe80::1]:1883")]
+#[error("it must be HOST or HOST:PORT, such as homeassistant.local, 192.168.1.5:1883 or [fd00::1]:1883")]
 pub struct BrokerError;
 
 /// MQTT's port.
@@ -24,19 +24,26 @@ impl FromStr for Broker {
     type Err = BrokerError;
 
     fn from_str(text: &str) -> Result<Self, BrokerError> {
-        let (host, port) = match text.strip_prefix('[').and_then(|rest| rest.split_once(']')) {
-            Some((host, port)) => (host, port.strip_prefix(':').or_else(|| port.is_empty().then_some(""))),
-            // More than one colon: an IPv6 address without a port.
-            None if text.matches(':').count() > 1 => (text, Some("")),
-            None => text.split_once(':').map_or((text, Some("")), |(host, port)| (host, Some(port))),
-        };
-        let port = match port.ok_or(BrokerError)? {
-            "" if !text.ends_with(':') || text.matches(':').count() > 1 => PORT,
-            port => port.parse().ok().filter(|port| *port > 0).ok_or(BrokerError)?,
-        };
-        let is_plain = |c: char| c.is_ascii_alphanumeric() || "-._:%".contains(c);
-        let is_host = !host.is_empty() && host.chars().all(is_plain);
-        if is_host { Ok(Self { host: host.into(), port }) } else { Err(BrokerError) }
+        let (host, port) = split(text).ok_or(BrokerError)?;
+        let port = port.map_or(Ok(PORT), str::parse).map_err(|_| BrokerError)?;
+        let is_plain = |c: char| c.is_ascii_alphanumeric() || "-._:".contains(c);
+        if port == 0 || host.is_empty() || !host.chars().all(is_plain) {
+            return Err(BrokerError);
+        }
+        Ok(Self { host: host.into(), port })
+    }
+}
+
+/// Host and port, where there is one, as they stand.
+fn split(text: &str) -> Option<(&str, Option<&str>)> {
+    if let Some(rest) = text.strip_prefix('[') {
+        let (host, rest) = rest.split_once(']')?;
+        return if rest.is_empty() { Some((host, None)) } else { Some((host, Some(rest.strip_prefix(':')?))) };
+    }
+    match text.split_once(':') {
+        Some((host, port)) if !port.contains(':') => Some((host, Some(port))),
+        // An IPv6 address without a port has more than one colon.
+        _ => Some((text, None)),
     }
 }
 
@@ -64,7 +71,7 @@ mod tests {
         for (text, place) in [
             ("homeassistant.local", "homeassistant.local:1883"),
             ("192.168.1.5:1884", "192.168.1.5:1884"),
-            ("[fe80::1]", "[fe80::1]:1883"),
+            ("[fd00::1]", "[fd00::1]:1883"),
             ("[::1]:1884", "[::1]:1884"),
             ("::1", "[::1]:1883"),
         ] {
