@@ -85,7 +85,7 @@ fn complaints(topic: &str, description: &Value, told: &BTreeMap<String, Vec<u8>>
 #[test]
 fn home_assistant_finds_the_robot_and_its_end() {
     let broker = Mosquitto::start(None);
-    let mut served = Served::new(&["--mqtt", &broker.address()]);
+    let served = Served::new(&["--mqtt", &broker.address()]);
     let mut subscriber = Subscriber::new(&broker, None);
     subscriber.expect("slamd/robot/link", b"searching", SOON);
     let _board = served.plug_in(robot_with_a_missing_sensor());
@@ -181,7 +181,9 @@ fn the_password_is_for_the_broker_alone() {
         path.to_str().unwrap().to_owned()
     };
     let (right, wrong) = (write("right", PASSWORD), write("wrong", "guessed"));
-    let options = |file| ["--mqtt".into(), broker.address(), "--mqtt-user".into(), "slamd".into(), "--mqtt-password-file".into(), file];
+    let options = |file| {
+        ["--mqtt".into(), broker.address(), "--mqtt-user".into(), "slamd".into(), "--mqtt-password-file".into(), file]
+    };
     let start = |file: &str| {
         let options: [String; 6] = options(file.to_owned());
         Served::with(&options.each_ref().map(String::as_str), &[("RUST_LOG", "trace")])

@@ -71,7 +71,9 @@ struct Root(tempfile::TempDir);
 impl Root {
     fn new() -> Self {
         let root = Self(tempfile::tempdir().unwrap());
-        for folder in ["var/lib/dpkg/info", "var/lib/dpkg/updates", "var/lib/dpkg/triggers", "var/log", "usr/sbin", "etc"] {
+        for folder in
+            ["var/lib/dpkg/info", "var/lib/dpkg/updates", "var/lib/dpkg/triggers", "var/log", "usr/sbin", "etc"]
+        {
             std::fs::create_dir_all(root.path(folder)).unwrap();
         }
         std::fs::write(root.path("var/lib/dpkg/status"), "").unwrap();
@@ -140,7 +142,10 @@ fn it_is_installed_upgraded_removed_and_purged() {
     for place in PLACES {
         assert!(files.contains(place), "no {place} among {files:?}");
     }
-    assert!(files.contains("usr/share/doc/slamd/README.md") && files.contains("usr/share/doc/slamd/copyright"), "{files:?}");
+    assert!(
+        files.contains("usr/share/doc/slamd/README.md") && files.contains("usr/share/doc/slamd/copyright"),
+        "{files:?}"
+    );
     let strange: Vec<_> = files
         .iter()
         .filter(|file| !PLACES.contains(&file.as_str()) && !file.starts_with(PAGES))

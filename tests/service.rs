@@ -82,7 +82,10 @@ fn program(folder: &Path, notify: &str) -> Command {
     if cfg!(feature = "viewer") {
         command.args(["--viewer", "off"]);
     }
-    command.env("NOTIFY_SOCKET", notify).env("WATCHDOG_USEC", PATIENCE.as_micros().to_string()).env_remove("WATCHDOG_PID");
+    command
+        .env("NOTIFY_SOCKET", notify)
+        .env("WATCHDOG_USEC", PATIENCE.as_micros().to_string())
+        .env_remove("WATCHDOG_PID");
     command
 }
 
@@ -118,6 +121,7 @@ fn it_is_ready_without_a_board_tells_its_state_and_feeds_the_watchdog() {
     manager.expect("STATUS=streaming, 32 sensors, 1 faulty");
     let streaming = manager.listen(PATIENCE);
     assert!((3..=5).contains(&streaming), "four feedings are wanted while sweeps arrive, not {streaming}");
+    daemon.expect("poses and map begin", SOON);
     board.unplug();
     let gone = manager.expect("STATUS=searching: ");
     assert!(gone.ends_with(", 32 sensors, 1 faulty"), "{gone}");

@@ -41,9 +41,8 @@ impl Plugged {
             return None;
         }
         let output = output.unwrap();
-        let text = String::from_utf8(output.stdout).unwrap();
-        // Without a port of ours there is no link of ours to be looked at.
-        let (usb, tty) = text.split_once("== tty\n").unwrap_or_else(|| panic!("{text}{output:?}"));
+        let text = String::from_utf8_lossy(&output.stdout);
+        let (usb, tty) = text.split_once("== tty\n").unwrap_or_else(|| panic!("{output:?}"));
         Some(Self { usb: usb.into(), tty: tty.into() })
     }
 
@@ -84,7 +83,9 @@ fn what_is_not_ours_is_left_alone() {
 
 #[test]
 fn a_breach_is_noticed() {
-    for (from, to) in [("SYMLINK+=", "SIMLINK+="), ("LABEL=\"slamd_end\"", ""), ("GROUP=\"dialout\"", "GROUP=\"nobodys\"")] {
+    for (from, to) in
+        [("SYMLINK+=", "SIMLINK+="), ("LABEL=\"slamd_end\"", ""), ("GROUP=\"dialout\"", "GROUP=\"nobodys\"")]
+    {
         assert!(RULES.contains(from));
         let Some(plugged) = Plugged::new(&RULES.replace(from, to), "1a86:7523") else { return };
         assert!(!plugged.complaints().is_empty(), "{to} is not noticed: {}", plugged.usb);

@@ -77,7 +77,8 @@ mod tests {
         ] {
             assert_eq!(read(text).as_deref(), Ok(place));
         }
-        for text in ["", ":1883", "host:", "host:0", "host:70000", "host:mqtt", "mqtt://host", "a b", "[::1]x", "[::1"] {
+        for text in ["", ":1883", "host:", "host:0", "host:70000", "host:mqtt", "mqtt://host", "a b", "[::1]x", "[::1"]
+        {
             assert_eq!(read(text), Err(BrokerError), "{text}");
         }
     }

@@ -19,7 +19,8 @@ pub fn discovery(names: &Names, sensors: usize) -> Vec<(String, String)> {
     messages.push(position(names));
     messages.extend((0..sensors).map(|sensor| self::sensor(names, sensor)));
     if sensors > 0 {
-        let surplus = (sensors..MOST_SENSORS).map(|sensor| names.config_topic("binary_sensor", &format!("sensor_{sensor}")));
+        let surplus =
+            (sensors..MOST_SENSORS).map(|sensor| names.config_topic("binary_sensor", &format!("sensor_{sensor}")));
         messages.extend(surplus.map(|topic| (topic, String::new())));
     }
     messages

@@ -50,9 +50,6 @@ mod tests {
         assert_eq!(topic("robot"), "slamd/robot/pose");
         assert_eq!(topic("Erna's #1/+"), "slamd/erna_s__1/pose");
         assert_eq!(topic("空"), "slamd/robot/pose");
-        assert_eq!(
-            Names::new("Küche").config_topic("sensor", "x"),
-            "homeassistant/sensor/slamd_k_che/x/config"
-        );
+        assert_eq!(Names::new("Küche").config_topic("sensor", "x"), "homeassistant/sensor/slamd_k_che/x/config");
     }
 }

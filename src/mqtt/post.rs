@@ -261,8 +261,7 @@ impl Postman {
     /// Retained: whoever comes later is told, too.
     fn publish_at(&mut self, topic: String, payload: Bytes) {
         let client = &self.client;
-        self.bulletin.tell(topic, payload, |topic, payload| {
-            client.try_publish(topic, QoS::AtLeastOnce, true, payload).is_ok()
-        });
+        self.bulletin
+            .tell(topic, payload, |topic, payload| client.try_publish(topic, QoS::AtLeastOnce, true, payload).is_ok());
     }
 }

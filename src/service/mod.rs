@@ -38,7 +38,10 @@ impl Service {
         let socket = match Socket::connect(&place) {
             Ok(socket) => socket,
             Err(error) => {
-                tracing::warn!("the service manager cannot be told anything: NOTIFY_SOCKET={}: {error}", place.display());
+                tracing::warn!(
+                    "the service manager cannot be told anything: NOTIFY_SOCKET={}: {error}",
+                    place.display()
+                );
                 return None;
             }
         };
