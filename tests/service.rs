@@ -170,7 +170,7 @@ fn a_pipeline_that_hangs_does_not_feed_the_watchdog() {
     manager.expect("READY=1");
     manager.expect("WATCHDOG=1");
     // Nobody reads the log any more: the pipeline's thread hangs at the next line of it, and no other thread does.
-    while filler.write(&[b'\n']).is_ok() {}
+    while filler.write(b"\n").is_ok() {}
     let _board = Plugged::new(&folder.path().join("board"), Device::new(Board::robot(1), 1));
     manager.listen(PATIENCE);
     assert_eq!(manager.listen(PATIENCE), 0, "the pipeline hangs, and yet the watchdog is fed: {:?}", manager.heard);
