@@ -152,6 +152,7 @@ fn a_broker_that_restarts_is_told_everything_anew() {
     let port = broker.port();
     let mut served = Served::new(&["--mqtt", &broker.address()]);
     served.daemon.expect("mqtt: connected to", SOON);
+    Subscriber::new(&broker, None).expect("slamd/robot/link", b"searching", SOON);
     drop(broker);
     served.daemon.expect("it is tried again until it works", SOON);
     let broker = Mosquitto::start(Some(port));
