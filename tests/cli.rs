@@ -55,6 +55,27 @@ fn a_missing_port_is_waited_for() {
 }
 
 #[test]
+fn a_session_is_begun_once_and_a_damaged_one_is_not_written_over() {
+    let folder = tempfile::tempdir().unwrap();
+    let session = folder.path().join("home.session");
+    let capture = concat!(env!("CARGO_MANIFEST_DIR"), "/replay/flat-emulated-mega.mcap");
+    let out = folder.path().join("out");
+    let again = || {
+        let (out, session) = (out.to_str().unwrap(), session.to_str().unwrap());
+        slamd(&["replay", capture, "--out", out, "--session", session])
+    };
+    let (code, text) = again();
+    assert!(code == 0 && text.contains("there is no session yet") && session.exists(), "{code}: {text}");
+    let (code, text) = again();
+    assert!(code == 0 && !text.contains("there is no session yet"), "{code}: {text}");
+    std::fs::write(&session, "this is no session").unwrap();
+    let (code, text) = again();
+    assert_eq!(code, 65, "{text}");
+    assert_eq!(std::fs::read_to_string(&session).unwrap(), "this is no session");
+    assert_eq!(slamd(&["replay", capture, "--session", "x", "--resume", "x"]).0, 64);
+}
+
+#[test]
 fn ports_are_listed_for_programs() {
     let output = Command::new(env!("CARGO_BIN_EXE_slamd")).args(["ports", "--json"]).output().unwrap();
     let ports: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();

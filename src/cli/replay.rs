@@ -61,7 +61,7 @@ impl ReplayArgs {
         let is_watched = false;
         if self.kept.is_any() || is_watched {
             let text = format!(
-                "{} is a folder: --resume, --localize, --save-session, --save-calibration and --viewer are for one capture",
+                "{} is a folder: --resume, --localize, --save-session, --session, --save-calibration and --viewer are for one capture",
                 self.file.display()
             );
             return Err(Failure::new(Kind::Usage, text));
