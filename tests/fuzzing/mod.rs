@@ -20,7 +20,6 @@ use slamd::sim::link::LinkFaults;
 use slamd::sim::simulation::{SimConfig, Simulation, session};
 use slamd::sim::sonar::BeamShape;
 use slamd::sim::world::World;
-use slamd::time::Timestamp;
 use slamd_protocol::FrameDecoder;
 use std::path::Path;
 
