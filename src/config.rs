@@ -1,4 +1,4 @@
-//! The configuration: defaults in the types, a TOML text that names only the differences, errors with line, key and range.
+//! The configuration: defaults in the types, TOML texts that name only the differences, errors with origin, key and range.
 //!
 //! Every key is described in `configs/README.md`.
 
@@ -7,15 +7,29 @@
 #![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
 
 mod calibration;
+mod effective;
+mod keys;
+mod layers;
+mod nearest;
+mod problem;
+#[cfg(feature = "manual")]
+mod schema;
+mod shape;
 
 pub use calibration::CorrectionConfig;
+pub use effective::Effective;
+pub use keys::{Key, keys, values};
+pub use layers::Layers;
+pub use nearest::nearest;
+pub use problem::{ConfigError, Origin, Problem};
+#[cfg(feature = "manual")]
+pub use schema::schema;
+pub use shape::Shape;
 
 use crate::geometry::{Mounting, Pose2, Ring};
 use serde::{Deserialize, Serialize};
 use slamd_protocol::Setting;
 use std::collections::BTreeMap;
-use std::ops::RangeInclusive;
-use toml::de::{DeTable, DeValue};
 
 /// How heading, position and map are found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -198,27 +212,7 @@ const fn one() -> u8 {
 }
 
 /// Most sensors a ring may have: a `SONAR` message holds no more.
-pub const MAX_SENSORS: usize = 76;
-
-/// A configuration that cannot be used.
-#[derive(Debug, thiserror::Error, PartialEq)]
-pub enum ConfigError {
-    /// Not TOML, an unknown key, or a value of the wrong type; the text holds line and column.
-    #[error("{0}")]
-    Syntax(String),
-    /// A value outside its range.
-    #[error("line {line}: {key} = {value} is out of range: it must be {valid}")]
-    Range {
-        /// Line in the text, from 1; 0 where the value did not come from the text.
-        line: usize,
-        /// The key, dotted.
-        key: String,
-        /// The value found.
-        value: String,
-        /// The values allowed, in words.
-        valid: String,
-    },
-}
+pub const MAX_SENSORS: usize = keys::MOST_SENSORS as usize;
 
 impl Config {
     /// Reads a TOML text.
@@ -226,10 +220,9 @@ impl Config {
     /// # Errors
     /// Unknown keys, values of the wrong type and values out of range are refused; nothing is repaired in silence.
     pub fn from_toml(text: &str) -> Result<Self, ConfigError> {
-        let config: Self =
-            toml::from_str(text).map_err(|error| ConfigError::Syntax(error.to_string().trim_end().into()))?;
-        config.check(text)?;
-        Ok(config)
+        let mut layers = Layers::default();
+        layers.text(None, text);
+        Ok(layers.finish()?.config)
     }
 
     /// The text that [`Config::from_toml`] reads back as this configuration.
@@ -239,51 +232,9 @@ impl Config {
         toml::to_string(self).expect("plain numbers, strings and tables")
     }
 
-    fn check(&self, text: &str) -> Result<(), ConfigError> {
-        let check = Check { text };
-        let robot = &self.robot;
-        check.within("robot.wheel_radius_m", robot.wheel_radius_m, 0.005..=1.0)?;
-        check.within("robot.wheel_base_m", robot.wheel_base_m, 0.02..=3.0)?;
-        check.within("robot.max_speed_m_s", robot.max_speed_m_s, 0.01..=10.0)?;
-        check.within("robot.max_turn_rate_rad_s", robot.max_turn_rate_rad_s, 0.01..=30.0)?;
-        check.within("robot.ticks_per_turn", f64::from(robot.ticks_per_turn.unwrap_or(1)), 1.0..=1e7)?;
-        let ring = &self.ring;
-        check.within("ring.max_range_m", ring.max_range_m, 0.1..=20.0)?;
-        check.within("ring.min_range_m", ring.min_range_m, 0.0..=ring.max_range_m)?;
-        check.within("ring.temperature_c", ring.temperature_c, -40.0..=85.0)?;
-        if let Some(circle) = &ring.circle {
-            check.within("ring.circle.count", f64::from(circle.count), 1.0..=MAX_SENSORS as f64)?;
-            check.within("ring.circle.radius_m", circle.radius_m, 0.0..=2.0)?;
-            check.within("ring.circle.half_angle_deg", circle.half_angle_deg, 0.0..=60.0)?;
-            check.within("ring.circle.groups", f64::from(circle.groups), 1.0..=f64::from(circle.count))?;
-            if !ring.sensors.is_empty() {
-                return Err(check.refusal("ring.sensors", "given", "absent where ring.circle is given"));
-            }
-        }
-        if ring.sensors.len() > MAX_SENSORS {
-            return Err(check.refusal(
-                "ring.sensors",
-                &format!("{} entries", ring.sensors.len()),
-                "at most 76 entries",
-            ));
-        }
-        for (i, sensor) in ring.sensors.iter().enumerate() {
-            check.within(&format!("ring.sensors.{i}.x_m"), sensor.x_m, -2.0..=2.0)?;
-            check.within(&format!("ring.sensors.{i}.y_m"), sensor.y_m, -2.0..=2.0)?;
-            check.within(&format!("ring.sensors.{i}.bearing_deg"), sensor.bearing_deg, -360.0..=360.0)?;
-            check.within(&format!("ring.sensors.{i}.half_angle_deg"), sensor.half_angle_deg, 0.0..=60.0)?;
-        }
-        self.check_calibration(&check)?;
-        for (name, value) in &self.board {
-            let key = format!("board.{name}");
-            let Some(setting) = Setting::from_name(name) else {
-                let names: Vec<&str> = Setting::ALL.iter().map(|setting| setting.name()).collect();
-                return Err(check.refusal(&key, "given", &format!("one of {}", names.join(", "))));
-            };
-            let (least, most) = setting.range().into_inner();
-            check.within(&key, f64::from(value.value()), f64::from(least)..=f64::from(most))?;
-        }
-        check.within("map.cell_m", self.map.cell_m, 0.01..=0.5)
+    #[expect(clippy::expect_used, reason = "TOML has a form for each type that the configuration is made of")]
+    fn to_table(&self) -> toml::Table {
+        toml::Table::try_from(self).expect("plain numbers, strings and tables")
     }
 
     /// The board's settings that the configuration names.
@@ -316,44 +267,6 @@ impl RingConfig {
     }
 }
 
-/// Names the line of a key that is out of range.
-struct Check<'a> {
-    text: &'a str,
-}
-
-impl Check<'_> {
-    fn within(&self, key: &str, value: f64, valid: RangeInclusive<f64>) -> Result<(), ConfigError> {
-        if valid.contains(&value) {
-            return Ok(());
-        }
-        Err(self.refusal(key, &value.to_string(), &format!("from {} to {}", valid.start(), valid.end())))
-    }
-
-    fn refusal(&self, key: &str, value: &str, valid: &str) -> ConfigError {
-        ConfigError::Range {
-            line: self.line(key).unwrap_or(0),
-            key: key.into(),
-            value: value.into(),
-            valid: valid.into(),
-        }
-    }
-
-    fn line(&self, key: &str) -> Option<usize> {
-        let document = DeTable::parse(self.text).ok()?;
-        let mut segments = key.split('.');
-        let mut entry = document.get_ref().get(segments.next()?)?;
-        for segment in segments {
-            entry = match entry.get_ref() {
-                DeValue::Table(table) => table.get(segment)?,
-                DeValue::Array(array) => array.get(segment.parse::<usize>().ok()?)?,
-                _ => return None,
-            };
-        }
-        let before = self.text.get(..entry.span().start)?;
-        Some(1 + before.matches('\n').count())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -362,26 +275,6 @@ mod tests {
     fn defaults_survive_the_round_trip() {
         let config = Config::default();
         assert_eq!(Config::from_toml(&config.to_toml()), Ok(config));
-    }
-
-    #[test]
-    fn a_value_out_of_range_names_line_key_and_range() {
-        let text = "[robot]\nname = \"r\"\nwheel_base_m = 7.5\n";
-        let error = Config::from_toml(text).unwrap_err().to_string();
-        assert_eq!(error, "line 3: robot.wheel_base_m = 7.5 is out of range: it must be from 0.02 to 3");
-    }
-
-    #[test]
-    fn a_sensor_out_of_range_names_its_line() {
-        let text = "[[ring.sensors]]\nbearing_deg = 0\nhalf_angle_deg = 5\n[[ring.sensors]]\nbearing_deg = 0\nhalf_angle_deg = 95\n";
-        let error = Config::from_toml(text).unwrap_err().to_string();
-        assert_eq!(error, "line 6: ring.sensors.1.half_angle_deg = 95 is out of range: it must be from 0 to 60");
-    }
-
-    #[test]
-    fn an_unknown_key_is_refused_with_its_line() {
-        let error = Config::from_toml("[robot]\nwheels = 3\n").unwrap_err().to_string();
-        assert!(error.contains("line 2") && error.contains("wheels"), "{error}");
     }
 
     #[test]

@@ -6,11 +6,77 @@ use std::process::Command;
 
 /// Exit code and standard error.
 fn slamd(arguments: &[&str]) -> (i32, String) {
+    slamd_logging(arguments, None)
+}
+
+/// The same with a `RUST_LOG`.
+fn slamd_logging(arguments: &[&str], level: Option<&str>) -> (i32, String) {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("garbage.mcap"), "this is no capture").unwrap();
     std::fs::write(folder.path().join("bad.toml"), "[robot]\nwheel_base_m = 99\n").unwrap();
-    let output = Command::new(env!("CARGO_BIN_EXE_slamd")).args(arguments).current_dir(folder.path()).output().unwrap();
+    std::fs::write(folder.path().join("good.toml"), "[robot]\nwheel_base_m = 0.3\n").unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_slamd"));
+    command.args(arguments).current_dir(folder.path()).env("XDG_CONFIG_HOME", folder.path()).env_remove("RUST_LOG");
+    if let Some(level) = level {
+        command.env("RUST_LOG", level);
+    }
+    let output = command.output().unwrap();
     (output.status.code().unwrap(), String::from_utf8(output.stderr).unwrap())
+}
+
+/// The examples of the table of exit codes, as numbers and command lines.
+fn exit_codes() -> Vec<(i32, Vec<&'static str>)> {
+    let rows = include_str!("../docs/cli.md").lines().filter_map(|line| line.strip_prefix("| "));
+    rows.filter_map(|row| {
+        let cells: Vec<&str> = row.trim_end_matches(" |").split(" | ").collect();
+        let line = cells.last()?.strip_prefix("`slamd ")?.strip_suffix('`')?;
+        Some((cells.first()?.parse().ok()?, line.split(' ').collect()))
+    })
+    .collect()
+}
+
+#[test]
+fn the_table_of_exit_codes_is_true() {
+    let codes = exit_codes();
+    assert_eq!(codes.iter().map(|(code, _)| *code).collect::<Vec<_>>(), [0, 64, 65, 66, 69, 73, 74, 78]);
+    for (code, line) in codes {
+        let (found, text) = slamd(&line);
+        assert_eq!(found, code, "slamd {}: {text}", line.join(" "));
+        assert_eq!(text.is_empty(), code == 0, "slamd {}: {text}", line.join(" "));
+    }
+}
+
+/// Each line of the log as an object with time, level and message.
+fn objects(text: &str) -> Vec<serde_json::Value> {
+    let object = |line: &str| serde_json::from_str(line).unwrap_or_else(|error| panic!("{line}: {error}"));
+    let lines: Vec<serde_json::Value> = text.lines().map(object).collect();
+    for line in &lines {
+        assert!(line["timestamp"].as_str().is_some_and(|time| time.starts_with("20") && time.ends_with('Z')), "{line}");
+        assert!(line["level"].is_string() && line["message"].is_string() && line["target"].is_string(), "{line}");
+    }
+    lines
+}
+
+#[test]
+fn each_line_of_a_json_log_is_an_object() {
+    let arguments = ["--log-format", "json", "--port", "nowhere", "--config", "good.toml", "--duration", "0.3"];
+    let (code, text) = slamd_logging(&arguments, Some("debug"));
+    assert_eq!(code, 0, "{text}");
+    let lines = objects(&text);
+    let said = |words: &str| lines.iter().any(|line| line["message"].as_str().unwrap().contains(words));
+    assert!(said("configuration: good.toml") && said("link: searching"), "{text}");
+    // The last words of a failure come whatever else is silenced.
+    for level in [None, Some("off"), Some("trace")] {
+        let (code, text) = slamd_logging(&["--port", "x", "--config", "bad.toml", "--log-format=json"], level);
+        let lines = objects(&text);
+        let last = lines.last().unwrap();
+        assert!(code == 78 && last["exit_code"] == 78 && last["level"] == "ERROR", "{text}");
+        assert!(last["message"].as_str().unwrap().starts_with("bad.toml:2: robot.wheel_base_m = 99"), "{text}");
+    }
+    let (_, text) = slamd_logging(&["--port", "x", "--duration", "0.1"], Some("off"));
+    assert_eq!(text, "", "RUST_LOG is not obeyed");
+    let (_, text) = slamd_logging(&["--port", "x", "--duration", "0.1"], None);
+    assert!(text.contains(" WARN link: searching"), "{text}");
 }
 
 #[test]
@@ -30,7 +96,7 @@ fn garbage_is_bad_data() {
 fn a_bad_configuration_names_line_key_and_range() {
     let (code, text) = slamd(&["--port", "nowhere", "--config", "bad.toml"]);
     assert_eq!(code, 78, "{text}");
-    assert!(text.contains("line 2: robot.wheel_base_m = 99") && text.contains("from 0.02 to 3"), "{text}");
+    assert!(text.contains("bad.toml:2: robot.wheel_base_m = 99") && text.contains("from 0.02 to 3"), "{text}");
 }
 
 #[test]

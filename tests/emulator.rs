@@ -155,14 +155,14 @@ fn in_pairs(drives: u64) -> Vec<(Accuracy, Accuracy)> {
     pairs.into_iter().map(|(_, pair)| pair).collect()
 }
 
-/// After a change of the firmware the capture is made anew: `SLAMD_WRITE_GOLDEN=1 cargo test --test emulator golden`.
+/// After a change of the firmware the capture is made anew: `WRITE_GOLDEN=1 cargo test --test emulator golden`.
 #[test]
 fn the_firmware_sends_the_golden_capture_to_the_bit() {
     const SEED: u64 = 1;
     let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("replay/flat-emulated-mega.mcap");
     let (runner, image) = emulation::build();
     let _machine = MACHINE.lock();
-    if std::env::var_os("SLAMD_WRITE_GOLDEN").is_some() {
+    if std::env::var_os("WRITE_GOLDEN").is_some() {
         let folder = tempfile::tempdir().unwrap();
         let config = Config::default();
         let info = CaptureInfo {

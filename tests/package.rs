@@ -16,7 +16,7 @@ const PLACES: [&str; 6] = [
     "usr/lib/systemd/system/slamd.service",
     "usr/lib/sysusers.d/slamd.conf",
     "usr/lib/udev/rules.d/95-slamd.rules",
-    "etc/slamd/robot.toml",
+    "etc/slamd/slamd.toml",
     "etc/slamd/slamd.env",
 ];
 const PAGES: &str = "usr/share/doc/slamd/";
@@ -182,7 +182,7 @@ fn check_program(root: &Root) {
     assert!(depends.contains("libc6 (>= ") && !depends.contains("$auto"), "is dpkg-dev installed? {depends}");
     // Its settings are what the package brings, and it understands them.
     let mut command = Command::new(root.path("usr/bin/slamd"));
-    command.args(["--port", "/dev/nowhere", "--exit-on-hangup", "--config"]).arg(root.path("etc/slamd/robot.toml"));
+    command.args(["--port", "/dev/nowhere", "--exit-on-hangup", "--config"]).arg(root.path("etc/slamd/slamd.toml"));
     let code = command.current_dir(root.0.path()).output().unwrap().status.code();
     assert_eq!(code, Some(69), "only the port is missing");
 }

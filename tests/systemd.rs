@@ -74,27 +74,34 @@ fn it_says_when_it_is_up_and_its_watchdog_is_patient_enough() {
     assert!(setting("WatchdogSec").parse::<f64>().unwrap() >= 4.0 * 2.5);
 }
 
-/// The unit's command line with these variables.
-fn arguments(port: &'static str, options: &'static str) -> Vec<&'static str> {
-    let words = setting("ExecStart").split_whitespace().skip(1);
-    let expanded = words.flat_map(|word| match word {
-        "${SLAMD_PORT}" => vec![port],
-        "$SLAMD_OPTIONS" => options.split_whitespace().collect(),
-        word => vec![word],
-    });
-    expanded.collect()
+/// The options of a settings file, with those that are only shown.
+fn options(settings: &'static str) -> impl Iterator<Item = (&'static str, &'static str)> {
+    let lines = settings.lines().map(|line| line.strip_prefix('#').unwrap_or(line));
+    lines.filter(|line| line.starts_with("SLAMD_")).map(|line| line.split_once('=').unwrap())
 }
 
 #[test]
-fn the_program_takes_the_unit_s_arguments() {
+fn the_program_takes_the_unit_s_arguments_and_variables() {
     assert_eq!(setting("Environment"), "SLAMD_PORT=auto");
-    let takes = |options: &'static str| {
+    let arguments: Vec<_> = setting("ExecStart").split_whitespace().skip(1).collect();
+    let takes = |further: &str, variables: &[(&str, &str)]| {
         let mut program = Command::new(env!("CARGO_BIN_EXE_slamd"));
-        program.args(arguments("auto", options)).arg("--help").output().unwrap().status.success()
+        program.args(&arguments).args(further.split_whitespace()).envs(variables.iter().copied());
+        // There is no such port, and nothing else wrong.
+        program.output().unwrap().status.code() == Some(69)
     };
-    assert!(takes("") && takes("--realtime --record /var/lib/slamd/drives/") && !takes("--nonsense"));
+    let port = ("SLAMD_PORT", "/dev/nowhere");
+    assert!(takes("--exit-on-hangup", &[port]) && !takes("--nonsense", &[port]) && !takes("--exit-on-hangup", &[]));
+    assert!(!takes("--exit-on-hangup", &[port, ("SLAMD_NONSENSE", "1")]), "an unknown variable");
+    let known: Vec<_> = options(include_str!("../configs/debian/slamd.env")).collect();
+    assert!(known.contains(&("SLAMD_PORT", "auto")) && known.len() > 3, "{known:?}");
+    let help = Command::new(env!("CARGO_BIN_EXE_slamd")).args(["run", "--help"]).output().unwrap();
+    let help = String::from_utf8(help.stdout).unwrap();
+    for (variable, _) in known {
+        let has_it = cfg!(feature = "mqtt") || !variable.starts_with("SLAMD_MQTT");
+        assert!(!has_it || help.contains(&format!("[env: {variable}=")), "`slamd run` knows no {variable}");
+    }
     let state = format!("/var/lib/{}/", setting("StateDirectory"));
-    let arguments = arguments("auto", "");
     let written = arguments.iter().filter(|argument| argument.starts_with("/var/"));
     assert!(written.clone().count() > 1 && written.clone().all(|path| path.starts_with(&state)), "{arguments:?}");
     assert!(arguments.windows(2).any(|pair| pair == ["--session", "/var/lib/slamd/home.session"]), "{arguments:?}");

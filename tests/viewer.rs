@@ -53,7 +53,7 @@ for path, count in sorted(rows.items()):
     print(path, count)
 ";
 
-/// The picture in the README is made anew by `SLAMD_WRITE_GOLDEN=1 cargo test --test viewer picture`.
+/// The picture in the README is made anew by `WRITE_GOLDEN=1 cargo test --test viewer picture`.
 #[test]
 fn a_recording_is_whole_and_its_picture_shows_map_and_robot() {
     let _machine = MACHINE.lock();
@@ -90,7 +90,7 @@ fn a_recording_is_whole_and_its_picture_shows_map_and_robot() {
         is_map && shot.count(ODOMETRY) > 500 && shot.count(FAULTY) > 100 && shot.count(WALL) > 300
     });
     println!("{}: {}", shot.path.display(), shot.census());
-    if std::env::var_os("SLAMD_WRITE_GOLDEN").is_some() {
+    if std::env::var_os("WRITE_GOLDEN").is_some() {
         std::fs::copy(&shot.path, Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/viewer.png")).unwrap();
     }
 }

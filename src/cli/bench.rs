@@ -96,10 +96,7 @@ impl AccuracyArgs {
             TableArg::Issue => Table::Issue,
             TableArg::Grid => Table::Grid,
         });
-        let method = match self.method {
-            MethodArg::Walls => Method::Walls,
-            MethodArg::Paper => Method::Paper,
-        };
+        let method = Method::from(self.method);
         let mut cases = Case::rows(table, &self.choices);
         for case in &mut cases {
             (case.seconds, case.method) = (self.seconds.max(SHORTEST_S), method);

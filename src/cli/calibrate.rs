@@ -26,11 +26,7 @@ impl CalibrateArgs {
     pub(super) fn run(self) -> Result<(), Failure> {
         let name = self.capture.display();
         let info = CaptureReader::open(&self.capture)?.info().clone();
-        let config = match &self.config {
-            Some(path) => super::load_config(path)?,
-            None => Config::from_toml(&info.config_toml)
-                .map_err(|error| Failure::new(Kind::Data, format!("{name}: its configuration: {error}")))?,
-        };
+        let config = super::config::of_recording(self.config.as_deref(), &info, &self.capture)?;
         let config = Config { method: Method::Walls, ..config };
         let bar = terminal::progress(None);
         let report = calibrate(&config, |config, pass| -> Result<Drive, Failure> {

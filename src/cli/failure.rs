@@ -78,13 +78,3 @@ impl From<ReplayError> for Failure {
         }
     }
 }
-
-impl From<anyhow::Error> for Failure {
-    fn from(error: anyhow::Error) -> Self {
-        let is_absent = |cause: &(dyn std::error::Error + 'static)| {
-            cause.downcast_ref::<std::io::Error>().is_some_and(|error| error.kind() == std::io::ErrorKind::NotFound)
-        };
-        let kind = if error.chain().any(is_absent) { Kind::NoInput } else { Kind::Data };
-        Self::new(kind, format!("{error:#}"))
-    }
-}

@@ -1,8 +1,8 @@
 //! `slamd import`: turns a recording into a capture.
 
-use crate::config::Config;
-use crate::import::{carmen, ring};
-use anyhow::Context as _;
+use super::{Failure, Kind, config};
+use crate::capture::CaptureError;
+use crate::import::{ImportError, carmen, ring};
 use clap::{Args, Subcommand};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader};
@@ -40,18 +40,31 @@ impl ImportArgs {
     ///
     /// # Errors
     /// When the recording or the configuration cannot be used or the capture cannot be written.
-    pub(super) fn run(self) -> anyhow::Result<()> {
+    pub(super) fn run(self) -> Result<(), Failure> {
         let (Format::Ring(files) | Format::Carmen(files)) = &self.format;
-        let text = std::fs::read_to_string(&files.config).with_context(|| files.config.display().to_string())?;
-        let config = Config::from_toml(&text).with_context(|| files.config.display().to_string())?;
+        let config = config::read(&files.config)?;
         let name = files.recording.display().to_string();
-        let input = open(&files.recording).with_context(|| name.clone())?;
+        let input = open(&files.recording).map_err(|source| ImportError::Io { file: name.clone(), source })?;
         let summary = match &self.format {
             Format::Ring(_) => ring::import(input, &name, &config, &files.capture),
             Format::Carmen(_) => carmen::import(input, &name, &config, &files.capture),
         }?;
         eprintln!("{}: {summary}", files.capture.display());
         Ok(())
+    }
+}
+
+impl From<ImportError> for Failure {
+    fn from(error: ImportError) -> Self {
+        let kind = match &error {
+            ImportError::Io { source, .. } if source.kind() == io::ErrorKind::NotFound => Kind::NoInput,
+            ImportError::Io { .. } => Kind::Io,
+            ImportError::Line { .. } | ImportError::Empty { .. } => Kind::Data,
+            ImportError::Config(_) => Kind::Config,
+            ImportError::Capture(CaptureError::Io { .. }) => Kind::CantCreate,
+            ImportError::Capture(_) => Kind::Data,
+        };
+        Self::new(kind, error.to_string())
     }
 }
 

@@ -1,6 +1,6 @@
 //! `slamd inspect`: says what is in a capture.
 
-use super::terminal;
+use super::{Failure, Kind, terminal};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -19,10 +19,14 @@ impl InspectArgs {
     ///
     /// # Errors
     /// When the capture cannot be read at all.
-    pub(super) fn run(self) -> anyhow::Result<()> {
+    pub(super) fn run(self) -> Result<(), Failure> {
         let report = crate::inspect::inspect(&self.capture)?;
-        let text = if self.json { serde_json::to_string_pretty(&report)? } else { report.to_string() };
-        terminal::say(text);
+        if self.json {
+            let json = serde_json::to_string_pretty(&report);
+            terminal::say(json.map_err(|error| Failure::new(Kind::Data, error.to_string()))?);
+        } else {
+            terminal::say(report);
+        }
         Ok(())
     }
 }

@@ -3,12 +3,16 @@
 mod api;
 mod bench;
 mod calibrate;
+mod config;
 mod doctor;
 mod export;
 mod failure;
 mod import;
 mod inspect;
 mod kept;
+mod log;
+#[cfg(feature = "manual")]
+mod manual;
 mod monitor;
 #[cfg(feature = "mqtt")]
 mod mqtt;
@@ -22,16 +26,12 @@ mod terminal;
 #[cfg(feature = "viewer")]
 mod viewer;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
+use config::{HowArgs, MethodArg};
 pub use failure::{Failure, Kind};
 use std::ffi::OsString;
-use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use tracing::Level;
-use tracing_subscriber::filter::Targets;
-use tracing_subscriber::layer::SubscriberExt as _;
-use tracing_subscriber::util::SubscriberInitExt as _;
 
 const EXAMPLES: &str = "Examples:
   slamd --port /dev/ttyUSB0                       map with a robot
@@ -45,6 +45,9 @@ const EXAMPLES: &str = "Examples:
 #[derive(Debug, Parser)]
 #[command(version, about, after_help = EXAMPLES, override_usage = "slamd --port <DEV> [OPTIONS]\n       slamd <COMMAND>")]
 struct Cli {
+    /// How the log on standard error looks: text for people, or a JSON object on each line. RUST_LOG says what is logged (docs/cli.md).
+    #[arg(long, global = true, value_enum, value_name = "FORMAT", default_value = "text", env = "SLAMD_LOG_FORMAT")]
+    log_format: log::Format,
     #[command(subcommand)]
     command: Command,
 }
@@ -67,8 +70,13 @@ enum Command {
     /// List the serial ports and who holds them.
     Ports(ports::PortsArgs),
     Doctor(doctor::DoctorArgs),
+    Config(config::ConfigCommand),
     /// Evaluate: tables and pictures over simulated drives.
     Bench(bench::BenchArgs),
+    #[cfg(feature = "manual")]
+    Completions(manual::CompletionsArgs),
+    #[cfg(feature = "manual")]
+    Man(manual::ManArgs),
 }
 
 /// Where results go and how they are made; the same for a robot and for a replay.
@@ -84,108 +92,70 @@ pub(crate) struct OutputArgs {
     json: bool,
 }
 
-/// How results are made.
-#[derive(Debug, Args)]
-pub(crate) struct HowArgs {
-    /// How heading, position and map are found.
-    #[arg(long, value_enum)]
-    method: Option<MethodArg>,
-    /// Robot configuration (TOML); see configs/README.md.
-    #[arg(long, value_name = "FILE")]
-    config: Option<PathBuf>,
-}
-
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum MethodArg {
-    Walls,
-    Paper,
-}
-
-impl HowArgs {
-    /// The configuration file's, or else `base`, with the method of the command line.
-    fn configuration(&self, base: crate::config::Config) -> Result<crate::config::Config, Failure> {
-        let mut config = match &self.config {
-            Some(path) => load_config(path)?,
-            None => base,
-        };
-        match self.method {
-            Some(MethodArg::Walls) => config.method = crate::config::Method::Walls,
-            Some(MethodArg::Paper) => config.method = crate::config::Method::Paper,
-            None => {}
-        }
-        Ok(config)
-    }
-}
-
-/// Reads a configuration file.
-pub(crate) fn load_config(path: &std::path::Path) -> Result<crate::config::Config, Failure> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|error| Failure::new(Kind::NoInput, format!("{}: {error}; name an existing file", path.display())))?;
-    crate::config::Config::from_toml(&text)
-        .map_err(|error| Failure::new(Kind::Config, format!("{}: {error}", path.display())))
-}
-
 /// Runs the program with the process's arguments.
 #[must_use]
 pub fn main() -> ExitCode {
-    let cli = match Cli::try_parse_from(arguments()) {
+    let cli = match command().try_get_matches_from(arguments()).and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
-        Err(error) => {
-            let code = if error.use_stderr() { Kind::Usage as u8 } else { 0 };
-            let _ = error.print();
-            return ExitCode::from(code);
-        }
+        Err(error) => return misunderstood(&error),
     };
     // The monitor has the screen for itself, and its log in a part of it.
-    if !matches!(cli.command, Command::Monitor(_)) {
-        let lines = tracing_subscriber::fmt::layer()
-            .with_writer(std::io::stderr)
-            .with_ansi(std::io::stderr().is_terminal())
-            .with_target(false);
-        tracing_subscriber::registry().with(log_filter()).with(lines).with(for_viewers()).init();
+    let is_monitor = matches!(cli.command, Command::Monitor(_));
+    let format = if is_monitor { log::Format::Text } else { cli.log_format };
+    if !is_monitor {
+        log::begin(format);
     }
-    let result = match cli.command {
-        Command::Run(args) => args.run(),
-        Command::Monitor(args) => args.run(),
-        Command::Replay(args) => args.run(),
-        Command::Simulate(args) => args.run(),
-        Command::Import(args) => args.run().map_err(Failure::from),
-        Command::Calibrate(args) => args.run(),
-        Command::Export(args) => args.run(),
-        Command::Inspect(args) => args.run().map_err(Failure::from),
-        Command::Ports(args) => args.run(),
-        Command::Doctor(args) => args.run(),
-        Command::Bench(args) => args.run(),
-    };
-    match result {
+    match cli.command.run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("slamd: {}", terminal::plain(&failure));
+            log::end(format, &failure);
             ExitCode::from(failure.kind as u8)
         }
     }
 }
 
-/// What is logged: as `RUST_LOG` says, by level and module, such as `warn` or `info,slamd::recorder=debug`.
-fn log_filter() -> Targets {
-    let asked = std::env::var("RUST_LOG").ok().filter(|asked| !asked.trim().is_empty());
-    let asked = asked.and_then(|asked| {
-        let filter = asked.parse();
-        filter.inspect_err(|error| eprintln!("slamd: RUST_LOG={asked}: {error}; info is logged")).ok()
-    });
-    // Rerun's modules are named re_something.
-    asked.unwrap_or_else(|| Targets::new().with_default(Level::INFO).with_target("re_", Level::ERROR))
+impl Command {
+    fn run(self) -> Result<(), Failure> {
+        match self {
+            Self::Run(args) => args.run(),
+            Self::Monitor(args) => args.run(),
+            Self::Replay(args) => args.run(),
+            Self::Simulate(args) => args.run(),
+            Self::Import(args) => args.run(),
+            Self::Calibrate(args) => args.run(),
+            Self::Export(args) => args.run(),
+            Self::Inspect(args) => args.run(),
+            Self::Ports(args) => args.run(),
+            Self::Doctor(args) => args.run(),
+            Self::Config(args) => args.run(),
+            Self::Bench(args) => args.run(),
+            #[cfg(feature = "manual")]
+            Self::Completions(args) => {
+                args.run(command());
+                Ok(())
+            }
+            #[cfg(feature = "manual")]
+            Self::Man(args) => args.run(command()),
+        }
+    }
 }
 
-/// What takes the log to the viewers, if this build has any.
-#[cfg(feature = "viewer")]
-const fn for_viewers() -> crate::viewer::LogLayer {
-    crate::viewer::LogLayer
+/// The command line. Variables stand for options of `run` alone: with them the other commands would conflict with what nobody has typed.
+fn command() -> clap::Command {
+    Cli::command().mut_subcommand("run", |run| {
+        config::OPTIONS.iter().fold(run, |run, (option, variable)| run.mut_arg(option, |arg| arg.env(variable)))
+    })
 }
 
-#[cfg(not(feature = "viewer"))]
-fn for_viewers() -> tracing_subscriber::layer::Identity {
-    tracing_subscriber::layer::Identity::new()
+/// Says why the arguments cannot be understood, or what was asked for: help, the version.
+fn misunderstood(error: &clap::Error) -> ExitCode {
+    let _ = error.print();
+    if !error.use_stderr() {
+        return ExitCode::SUCCESS;
+    }
+    // An option may be missing because its variable is misspelt.
+    config::unknown().iter().for_each(|words| eprintln!("slamd: {}", terminal::plain(words)));
+    ExitCode::from(Kind::Usage as u8)
 }
 
 /// A length of time.
@@ -208,10 +178,43 @@ fn probability(text: &str) -> Result<f64, String> {
 
 /// The process's arguments; options without a command are those of `run`.
 fn arguments() -> Vec<OsString> {
-    let mut arguments: Vec<OsString> = std::env::args_os().collect();
-    let first = arguments.get(1).and_then(|first| first.to_str()).unwrap_or_default();
-    if first.starts_with('-') && !["-h", "--help", "-V", "--version"].contains(&first) {
-        arguments.insert(1, "run".into());
+    with_command(std::env::args_os().collect())
+}
+
+fn with_command(mut arguments: Vec<OsString>) -> Vec<OsString> {
+    let word = |place: usize| arguments.get(place).and_then(|word| word.to_str()).unwrap_or_default();
+    // An option of all commands may stand before any.
+    let place = match word(1) {
+        "--log-format" => 3,
+        first if first.starts_with("--log-format=") => 2,
+        _ => 1,
+    };
+    if word(place).starts_with('-') && !["-h", "--help", "-V", "--version"].contains(&word(place)) {
+        arguments.insert(place, "run".into());
     }
     arguments
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_sound() {
+        command().debug_assert();
+    }
+
+    #[test]
+    fn options_without_a_command_are_those_of_run() {
+        let with_command = |line: &str| {
+            let words = with_command(line.split(' ').map(OsString::from).collect());
+            words.iter().map(|word| word.to_string_lossy()).collect::<Vec<_>>().join(" ")
+        };
+        assert_eq!(with_command("slamd --port auto"), "slamd run --port auto");
+        assert_eq!(with_command("slamd --log-format json --port auto"), "slamd --log-format json run --port auto");
+        assert_eq!(with_command("slamd --log-format=json --port auto"), "slamd --log-format=json run --port auto");
+        for line in ["slamd", "slamd --help", "slamd replay --json x", "slamd --log-format json replay x"] {
+            assert_eq!(with_command(line), line);
+        }
+    }
 }

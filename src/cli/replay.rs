@@ -4,7 +4,6 @@ use super::kept::KeptArgs;
 use super::replay_folder::replay_folder;
 use super::{Failure, HowArgs, Kind, OutputArgs, terminal};
 use crate::capture::CaptureReader;
-use crate::config::Config;
 use crate::metrics::TrueFault;
 use crate::source::replay::replay;
 use crate::source::session::Session;
@@ -79,11 +78,7 @@ pub(super) fn open(
 ) -> Result<(CaptureReader, Session), Failure> {
     let capture = CaptureReader::open(file)?;
     let info = capture.info().clone();
-    let embedded = if how.config.is_some() { Ok(Config::default()) } else { Config::from_toml(&info.config_toml) };
-    let embedded = embedded.map_err(|error| {
-        Failure::new(Kind::Data, format!("{}: its configuration: {error}; give one with --config", file.display()))
-    })?;
-    let mut session = kept.begin(how.configuration(embedded)?, folder)?;
+    let mut session = kept.begin(how.of_recording(&info, file)?, folder)?;
     if let Some(words) = &info.faults {
         let faults: Result<Vec<TrueFault>, _> = words.iter().map(|word| word.parse()).collect();
         let faults = faults.map_err(|error| Failure::new(Kind::Data, format!("{}: {error}", file.display())))?;

@@ -71,7 +71,7 @@ impl RunArgs {
         let runtime = runtime()?;
         let _guard = runtime.enter();
         let mut shutdown = Shutdown::new(self.duration.map(Duration::from_secs_f64))?;
-        let config = self.output.how.configuration(Config::default())?;
+        let config = self.output.how.of_robot()?;
         let end = self.live.drive(&self.port, config, &self.output, (&runtime, &mut shutdown), &mut |_, _| {})?;
         end.map_or(Ok(()), |end| end.report(&self.output))
     }

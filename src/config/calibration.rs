@@ -1,6 +1,6 @@
 //! What was learnt of a robot: its wheels with their uncertainty, its sensors one by one.
 
-use super::{Check, Config, ConfigError, MAX_SENSORS, RobotConfig};
+use super::{Config, RobotConfig};
 use crate::event::Calibration;
 use serde::{Deserialize, Serialize};
 
@@ -44,7 +44,7 @@ impl RobotConfig {
 }
 
 /// Nothing is known better than this.
-const SIGMA_FLOOR: f64 = 1e-5;
+pub(super) const SIGMA_FLOOR: f64 = 1e-5;
 
 impl Config {
     /// A TOML text of the keys whose values are not the defaults: what a robot's file holds.
@@ -54,26 +54,9 @@ impl Config {
     #[must_use]
     #[expect(clippy::expect_used, reason = "TOML has a form for each type that the configuration is made of")]
     pub fn to_toml_differences(&self) -> String {
-        let table = |config: &Self| toml::Table::try_from(config).expect("plain numbers, strings and tables");
-        let mut differences = table(self);
-        remove_equal(&mut differences, &table(&Self::default()));
+        let mut differences = self.to_table();
+        remove_equal(&mut differences, &Self::default().to_table());
         toml::to_string(&differences).expect("a table made of a table")
-    }
-
-    pub(super) fn check_calibration(&self, check: &Check<'_>) -> Result<(), ConfigError> {
-        let robot = &self.robot;
-        check.within("robot.wheel_ratio", robot.wheel_ratio, 0.5..=2.0)?;
-        check.within("robot.wheel_ratio_sigma", robot.wheel_ratio_sigma, SIGMA_FLOOR..=0.2)?;
-        if let Some(sigma_m) = robot.wheel_base_sigma_m {
-            check.within("robot.wheel_base_sigma_m", sigma_m, SIGMA_FLOOR..=0.5)?;
-        }
-        for (i, correction) in self.ring.corrections.iter().enumerate() {
-            let key = |name: &str| format!("ring.corrections.{i}.{name}");
-            check.within(&key("sensor"), f64::from(correction.sensor), 0.0..=(MAX_SENSORS - 1) as f64)?;
-            check.within(&key("range_bias_m"), correction.range_bias_m, -0.5..=0.5)?;
-            check.within(&key("bearing_offset_deg"), correction.bearing_offset_deg, -45.0..=45.0)?;
-        }
-        Ok(())
     }
 }
 
@@ -106,12 +89,5 @@ mod tests {
         let text = config.to_toml_differences();
         assert!(text.contains("wheel_ratio = 1.012346") && !text.contains("max_range_m"), "{text}");
         assert_eq!(Config::from_toml(&text), Ok(config));
-    }
-
-    #[test]
-    fn a_correction_out_of_range_names_its_line() {
-        let text = "[[ring.corrections]]\nsensor = 2\nrange_bias_m = 3.0\n";
-        let error = Config::from_toml(text).unwrap_err().to_string();
-        assert_eq!(error, "line 3: ring.corrections.0.range_bias_m = 3 is out of range: it must be from -0.5 to 0.5");
     }
 }

@@ -1,7 +1,7 @@
 //! The board at a port, for some seconds.
 
 use super::{DoctorArgs, host};
-use crate::cli::{Failure, Kind, terminal};
+use crate::cli::{Failure, Kind, config, terminal};
 use crate::config::Config;
 use crate::doctor::{Examination, Finding, Level, Report};
 use crate::port::{self, PortName, Trouble};
@@ -20,7 +20,7 @@ const SHOW: Duration = Duration::from_millis(100);
 
 /// The report, and whether the port could be used.
 pub(super) fn examine(args: &DoctorArgs, name: &PortName) -> Result<(Report, bool), Failure> {
-    let config = args.configuration()?.unwrap_or_default();
+    let config = config::of_robot(args.config.as_deref())?;
     let mut findings = host::findings(&args.out);
     let path = match name.resolve() {
         Ok(path) => path,

@@ -3,9 +3,8 @@
 mod host;
 mod live;
 
-use super::{Failure, Kind, load_config, terminal};
+use super::{Failure, Kind, config, terminal};
 use crate::capture::{CaptureReader, Record};
-use crate::config::Config;
 use crate::doctor::{Examination, Report};
 use crate::port::PortName;
 use clap::{ArgGroup, Args};
@@ -66,19 +65,9 @@ impl DoctorArgs {
         }
     }
 
-    fn configuration(&self) -> Result<Option<Config>, Failure> {
-        self.config.as_deref().map(load_config).transpose()
-    }
-
     fn examine_capture(&self, path: &Path) -> Result<Report, Failure> {
         let mut capture = CaptureReader::open(path)?;
-        let config = match self.configuration()? {
-            Some(config) => config,
-            None => Config::from_toml(&capture.info().config_toml).map_err(|error| {
-                let words = format!("{}: its configuration: {error}; give one with --config", path.display());
-                Failure::new(Kind::Data, words)
-            })?,
-        };
+        let config = config::of_recording(self.config.as_deref(), capture.info(), path)?;
         let mut examination = Examination::new(&config, self.baud, &path.display().to_string());
         let bar = terminal::progress(None);
         for record in &mut capture {

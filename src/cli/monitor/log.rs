@@ -31,8 +31,9 @@ impl Log {
             .with_ansi(false)
             .with_target(false)
             .with_timer(Uptime(Instant::now()));
-        let filter = crate::cli::log_filter();
-        tracing_subscriber::registry().with(filter).with(lines).with(crate::cli::for_viewers()).init();
+        let (filter, complaint) = crate::cli::log::filter();
+        tracing_subscriber::registry().with(filter).with(lines).with(crate::cli::log::for_viewers()).init();
+        complaint.into_iter().for_each(|complaint| tracing::warn!("{complaint}"));
         log
     }
 

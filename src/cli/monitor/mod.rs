@@ -7,7 +7,6 @@ mod screen;
 
 use super::run::{LiveArgs, runtime};
 use super::{Failure, Kind, OutputArgs, api, replay, terminal};
-use crate::config::Config;
 use crate::daemon::{DaemonError, Shutdown};
 use crate::monitor::{Line, Look};
 use crate::port::PortName;
@@ -78,7 +77,7 @@ impl MonitorArgs {
     }
 
     fn watch(&self, port: &PortName, log: Log, runtime: &Runtime, mut shutdown: Shutdown) -> Result<(), Failure> {
-        let config = self.output.how.configuration(Config::default())?;
+        let config = self.output.how.of_robot()?;
         let mut screen = self.screen(log, &shutdown)?;
         let mut sampler = Sampler::new(&config, screen.slot());
         let end = self.live.drive(port, config, &self.output, (runtime, &mut shutdown), &mut |link, session| {

@@ -1,0 +1,185 @@
+//! Where a configuration comes from, and `slamd config`, which tells it.
+//!
+//! A robot's: the defaults, then files, then environment variables, then the command line, each over the one before. A recording's: what the
+//! recording holds, or one file alone, so that a replay is the same everywhere.
+
+mod files;
+mod variables;
+
+pub(super) use variables::{OPTIONS, unknown};
+
+use super::{Failure, Kind, terminal};
+use crate::capture::CaptureInfo;
+use crate::config::{Config, ConfigError, Effective, Layers, Method};
+use clap::{Args, Subcommand, ValueEnum};
+use std::path::{Path, PathBuf};
+
+/// How results are made.
+#[derive(Debug, Args)]
+pub(crate) struct HowArgs {
+    /// How heading, position and map are found.
+    #[arg(long, value_enum)]
+    method: Option<MethodArg>,
+    /// Robot configuration (TOML), see configs/README.md. Without it a robot's is slamd/slamd.toml in XDG_CONFIG_HOME or /etc/slamd/slamd.toml,
+    /// where there is one, and a capture's is that which it holds.
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(super) enum MethodArg {
+    Walls,
+    Paper,
+}
+
+impl From<MethodArg> for Method {
+    fn from(arg: MethodArg) -> Self {
+        match arg {
+            MethodArg::Walls => Self::Walls,
+            MethodArg::Paper => Self::Paper,
+        }
+    }
+}
+
+impl HowArgs {
+    /// A robot's configuration, from all layers.
+    pub(super) fn of_robot(&self) -> Result<Config, Failure> {
+        Ok(self.effective()?.config)
+    }
+
+    /// A recording's, with the method of the command line.
+    pub(super) fn of_recording(&self, info: &CaptureInfo, capture: &Path) -> Result<Config, Failure> {
+        let config = of_recording(self.config.as_deref(), info, capture)?;
+        Ok(Config { method: self.method.map_or(config.method, Method::from), ..config })
+    }
+
+    fn effective(&self) -> Result<Effective, Failure> {
+        let mut layers = robot_layers(self.config.as_deref())?;
+        if let Some(method) = self.method.and_then(|method| method.to_possible_value()) {
+            layers.value("--method", "method", method.get_name());
+        }
+        Ok(layers.finish()?)
+    }
+}
+
+/// A robot's configuration: all layers, with the file `named` where one is.
+pub(super) fn of_robot(named: Option<&Path>) -> Result<Config, Failure> {
+    Ok(robot_layers(named)?.finish()?.config)
+}
+
+/// A recording's configuration: that of the file `named`, or else what the capture holds.
+pub(super) fn of_recording(named: Option<&Path>, info: &CaptureInfo, capture: &Path) -> Result<Config, Failure> {
+    let Some(named) = named else {
+        return Config::from_toml(&info.config_toml).map_err(|error| {
+            let words = format!("{}: its configuration: {error}; give one with --config", capture.display());
+            Failure::new(Kind::Data, words)
+        });
+    };
+    read(named)
+}
+
+/// Files and environment variables of a robot.
+fn robot_layers(named: Option<&Path>) -> Result<Layers, Failure> {
+    let (mut layers, mut read) = (Layers::default(), Vec::new());
+    for path in files::files(named, &files::places())? {
+        layers.text(Some(&path.display().to_string()), &text(&path)?);
+        read.push(path.display().to_string());
+    }
+    for variable in variables::variables(std::env::vars_os())? {
+        layers.value(&variable.name, &variable.key, &variable.value);
+        read.push(variable.name);
+    }
+    if !read.is_empty() {
+        tracing::info!("configuration: {}", read.join(", "));
+    }
+    Ok(layers)
+}
+
+/// A configuration from one file alone.
+pub(super) fn read(path: &Path) -> Result<Config, Failure> {
+    let mut layers = Layers::default();
+    layers.text(Some(&path.display().to_string()), &text(path)?);
+    Ok(layers.finish()?.config)
+}
+
+fn text(path: &Path) -> Result<String, Failure> {
+    let name = path.display();
+    std::fs::read_to_string(path).map_err(|error| match error.kind() {
+        std::io::ErrorKind::InvalidData => Failure::new(Kind::Config, format!("{name}: it is no text in UTF-8")),
+        _ => Failure::new(Kind::NoInput, format!("{name}: {error}; name a file that can be read")),
+    })
+}
+
+impl From<ConfigError> for Failure {
+    fn from(error: ConfigError) -> Self {
+        Self::new(Kind::Config, error.to_string())
+    }
+}
+
+const EXAMPLES: &str = "Examples:
+  slamd config show                        what `slamd run` would use, and where each value is from
+  slamd config check robot.toml && scp robot.toml robot:/etc/slamd/slamd.toml
+  SLAMD_ROBOT__WHEEL_BASE_M=0.3 slamd config show --config robot.toml";
+
+/// Show and check the configuration.
+#[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct ConfigCommand {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Debug, Subcommand)]
+enum What {
+    /// Print what `slamd run` would use, as TOML: behind each value that is not the default, where it is from.
+    Show(HowArgs),
+    /// Tell all errors of the named files, each by itself, or of all that `slamd run` would read. Exit code 78 where there is any.
+    Check {
+        /// Configurations.
+        #[arg(value_name = "FILE")]
+        files: Vec<PathBuf>,
+    },
+    /// Print the JSON Schema of the configuration, with the range of each value.
+    #[cfg(feature = "manual")]
+    Schema,
+}
+
+impl ConfigCommand {
+    pub(super) fn run(self) -> Result<(), Failure> {
+        match self.what {
+            What::Show(args) => {
+                let text = args.effective()?.to_toml();
+                terminal::say(text.trim_end());
+                Ok(())
+            }
+            What::Check { files } if files.is_empty() => {
+                of_robot(None)?;
+                terminal::say("ok");
+                Ok(())
+            }
+            What::Check { files } => check(&files),
+            #[cfg(feature = "manual")]
+            What::Schema => {
+                let schema = serde_json::to_string_pretty(&crate::config::schema());
+                terminal::say(schema.map_err(|error| Failure::new(Kind::Data, error.to_string()))?);
+                Ok(())
+            }
+        }
+    }
+}
+
+/// Checks each file; the failure tells all that is wrong with any of them.
+fn check(files: &[PathBuf]) -> Result<(), Failure> {
+    let mut failures: Vec<Failure> = Vec::new();
+    for path in files {
+        match read(path) {
+            Ok(_) => terminal::say(format_args!("{}: ok", path.display())),
+            Err(failure) => failures.push(failure),
+        }
+    }
+    let Some(first) = failures.first() else { return Ok(()) };
+    let is_wrong = failures.iter().any(|failure| failure.kind == Kind::Config);
+    let kind = if is_wrong { Kind::Config } else { first.kind };
+    let words: Vec<String> = failures.iter().map(Failure::to_string).collect();
+    Err(Failure::new(kind, words.join("\n")))
+}

@@ -1,0 +1,56 @@
+//! `slamd completions` and `slamd man`: what a package of slamd installs beside the program.
+
+use super::{Failure, Kind, terminal};
+use clap::{Args, Command};
+use clap_complete::Shell;
+use std::io::Write as _;
+use std::path::PathBuf;
+
+const COMPLETIONS: &str = "Examples:
+  slamd completions bash > /usr/share/bash-completion/completions/slamd
+  slamd completions zsh > /usr/share/zsh/vendor-completions/_slamd
+  slamd completions fish > ~/.config/fish/completions/slamd.fish";
+
+/// Print what completes slamd's commands and options in a shell.
+#[derive(Debug, Args)]
+#[command(after_help = COMPLETIONS)]
+pub(super) struct CompletionsArgs {
+    /// The shell.
+    shell: Shell,
+}
+
+impl CompletionsArgs {
+    /// `program` is the whole command line of slamd.
+    pub(super) fn run(self, mut program: Command) {
+        let mut script = Vec::new();
+        clap_complete::generate(self.shell, &mut program, "slamd", &mut script);
+        // One that nobody reads any more is no failure.
+        let _ = std::io::stdout().write_all(&script);
+    }
+}
+
+const MAN: &str = "Examples:
+  slamd man --out /usr/local/share/man/man1 && man slamd-run
+  slamd man --out man && man -l man/slamd.1";
+
+/// Write manual pages, one for each command.
+#[derive(Debug, Args)]
+#[command(after_help = MAN)]
+pub(super) struct ManArgs {
+    /// Their folder, made where there is none.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+}
+
+impl ManArgs {
+    /// `program` is the whole command line of slamd.
+    pub(super) fn run(self, program: Command) -> Result<(), Failure> {
+        let written = std::fs::create_dir_all(&self.out).and_then(|()| clap_mangen::generate_to(program, &self.out));
+        let name = self.out.display();
+        written.map_err(|error| {
+            Failure::new(Kind::CantCreate, format!("{name}: {error}; choose a folder that can be written with --out"))
+        })?;
+        terminal::say(self.out.join("slamd.1").display());
+        Ok(())
+    }
+}

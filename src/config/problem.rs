@@ -1,0 +1,53 @@
+//! What is wrong with a configuration, and where that is written.
+
+use std::fmt;
+
+/// Where a value was written.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Origin {
+    /// A line, from 1, of a text without a name.
+    Line(usize),
+    /// A line, from 1, of a file.
+    File(String, usize),
+    /// An environment variable, or an option of the command line.
+    Named(String),
+}
+
+impl fmt::Display for Origin {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Line(line) => write!(f, "line {line}"),
+            Self::File(name, line) => write!(f, "{name}:{line}"),
+            Self::Named(name) => f.write_str(name),
+        }
+    }
+}
+
+/// One thing that is wrong.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, thiserror::Error)]
+#[error("{origin}: {words}")]
+pub struct Problem {
+    /// Where it is.
+    pub origin: Origin,
+    /// The key, the value, and what would be right.
+    pub words: String,
+}
+
+/// A configuration that cannot be used: all that is wrong with it, up to a bound.
+#[derive(Debug, PartialEq, Eq, thiserror::Error)]
+pub struct ConfigError {
+    /// In the order of the layers, and of the lines in each.
+    pub problems: Vec<Problem>,
+}
+
+impl fmt::Display for ConfigError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.problems.as_slice() {
+            [only] => write!(f, "{only}"),
+            many => {
+                write!(f, "{} errors", many.len())?;
+                many.iter().try_for_each(|problem| write!(f, "\n  {problem}"))
+            }
+        }
+    }
+}
