@@ -8,6 +8,9 @@ use spdx::{Expression, ParseMode};
 use std::collections::BTreeSet;
 use std::process::Command;
 
+/// The daemon's crates, and those of the program for fleets.
+const MANIFESTS: [&str; 2] = ["Cargo.toml", "fleet/Cargo.toml"];
+
 /// What `deny.toml` says.
 struct Rules {
     targets: BTreeSet<String>,
@@ -68,10 +71,10 @@ impl Rules {
     }
 }
 
-/// Every crate that is built for one of the targets, for tests and tools too.
-fn packages(targets: &BTreeSet<String>) -> Vec<Package> {
+/// Every crate of a workspace that is built for one of the targets, for tests and tools too.
+fn packages(manifest: &str, targets: &BTreeSet<String>) -> Vec<Package> {
     let mut cargo = Command::new(env!("CARGO"));
-    cargo.args(["metadata", "--format-version=1", "--locked", "--all-features"]);
+    cargo.args(["metadata", "--format-version=1", "--locked", "--all-features", "--manifest-path", manifest]);
     cargo.args(targets.iter().flat_map(|target| ["--filter-platform", target]));
     let output = cargo.current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -90,12 +93,15 @@ fn packages(targets: &BTreeSet<String>) -> Vec<Package> {
 #[test]
 fn all_that_is_built_may_be() {
     let rules = Rules::read();
-    let packages = packages(&rules.targets);
     let mut used = BTreeSet::new();
-    let complaints: Vec<String> = packages.iter().flat_map(|package| rules.complaints(package, &mut used)).collect();
-    println!("{} crates, {} licenses", packages.len(), used.len());
-    assert!(packages.len() > 100, "the crates were not found");
-    assert!(complaints.is_empty(), "\n{}", complaints.join("\n"));
+    for manifest in MANIFESTS {
+        let packages = packages(manifest, &rules.targets);
+        let complaints: Vec<String> =
+            packages.iter().flat_map(|package| rules.complaints(package, &mut used)).collect();
+        println!("{manifest}: {} crates, {} licenses", packages.len(), used.len());
+        assert!(packages.len() > 100, "the crates were not found");
+        assert!(complaints.is_empty(), "\n{}", complaints.join("\n"));
+    }
     assert_eq!(used, rules.licenses, "licenses that nothing needs are not allowed either");
 }
 

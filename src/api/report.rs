@@ -6,7 +6,7 @@ use super::snapshot::Snapshot;
 use crate::event::{Counters, FaultEvent, SensorState, Verdict};
 use crate::geometry::Mounting;
 use crate::mapping::raster::Raster;
-use crate::publish::grey;
+use crate::publish::grey_png;
 use crate::time::Timestamp;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -273,25 +273,9 @@ pub fn map_line(at: Timestamp, raster: &Raster) -> Result<Option<Bytes>, png::En
         cell_m: raster.cell_m,
         origin_x_m: rounded(raster.origin.x),
         origin_y_m: rounded(raster.origin.y),
-        png_base64: STANDARD.encode(picture(raster)?),
+        png_base64: STANDARD.encode(grey_png(raster)?),
     };
     Ok(Some(Report::Map(map).line()))
-}
-
-/// Grey, 8 bits, the top row first, with the greys of `map.pgm`.
-fn picture(raster: &Raster) -> Result<Vec<u8>, png::EncodingError> {
-    let side = |cells: usize| u32::try_from(cells).map_err(|_| png::EncodingError::LimitsExceeded);
-    let mut file = Vec::new();
-    let mut encoder = png::Encoder::new(&mut file, side(raster.width)?, side(raster.height)?);
-    encoder.set_color(png::ColorType::Grayscale);
-    encoder.set_depth(png::BitDepth::Eight);
-    encoder.set_compression(png::Compression::Fast);
-    let rows = raster.occupancy.chunks_exact(raster.width).rev().flatten();
-    let pixels: Vec<u8> = rows.map(|&percent| grey(percent)).collect();
-    let mut writer = encoder.write_header()?;
-    writer.write_image_data(&pixels)?;
-    writer.finish()?;
-    Ok(file)
 }
 
 const fn word(verdict: Verdict) -> &'static str {

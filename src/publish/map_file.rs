@@ -13,10 +13,13 @@ pub(super) const OCCUPIED_PERCENT: i8 = 65;
 /// Free up to here, percent.
 pub(super) const FREE_PERCENT: i8 = 19;
 
-/// Writes both files and returns the SHA-256 of `map.pgm`.
-pub(super) fn write_map(folder: &Path, raster: &Raster) -> Result<String, PublishError> {
-    let sha256 = write_file(folder, "map.pgm", &pgm(raster))?;
-    write_file(folder, "map.yaml", yaml(raster).as_bytes())?;
+/// Writes `NAME.pgm` and `NAME.yaml` and returns the SHA-256 of the picture.
+///
+/// # Errors
+/// When one of them cannot be written.
+pub fn write_map(folder: &Path, name: &str, raster: &Raster) -> Result<String, PublishError> {
+    let sha256 = write_file(folder, &format!("{name}.pgm"), &pgm(raster))?;
+    write_file(folder, &format!("{name}.yaml"), yaml(name, raster).as_bytes())?;
     Ok(sha256)
 }
 
@@ -43,9 +46,28 @@ pub const fn grey(percent: i8) -> u8 {
     }
 }
 
-fn yaml(raster: &Raster) -> String {
+/// A grey PNG, 8 bits, the top row first, with the greys of the PGM.
+///
+/// # Errors
+/// Where the raster is too wide for the format, or has no cells.
+pub fn grey_png(raster: &Raster) -> Result<Vec<u8>, png::EncodingError> {
+    let side = |cells: usize| u32::try_from(cells).map_err(|_| png::EncodingError::LimitsExceeded);
+    let mut file = Vec::new();
+    let mut encoder = png::Encoder::new(&mut file, side(raster.width)?, side(raster.height)?);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::Fast);
+    let rows = raster.occupancy.chunks_exact(raster.width.max(1)).rev().flatten();
+    let pixels: Vec<u8> = rows.map(|&percent| grey(percent)).collect();
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(&pixels)?;
+    writer.finish()?;
+    Ok(file)
+}
+
+fn yaml(name: &str, raster: &Raster) -> String {
     format!(
-        "image: map.pgm\nmode: trinary\nresolution: {}\norigin: [{}, {}, 0.0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n",
+        "image: {name}.pgm\nmode: trinary\nresolution: {}\norigin: [{}, {}, 0.0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n",
         if raster.cell_m > 0.0 { raster.cell_m } else { 0.05 },
         raster.origin.x,
         raster.origin.y
@@ -81,7 +103,7 @@ mod tests {
         let pixels = file.strip_prefix(b"P5\n3 2\n255\n").unwrap();
         let read: Vec<i8> = pixels.iter().map(|&pixel| map_server(pixel)).collect();
         assert_eq!(read, [-1, -1, 100, -1, 0, 0], "the upper row comes first");
-        let text = yaml(&raster);
+        let text = yaml("map", &raster);
         assert!(text.contains("resolution: 0.05\norigin: [-1.5, 2, 0.0]\n"), "{text}");
     }
 

@@ -11,8 +11,8 @@ mod summary;
 mod track;
 mod trajectory;
 
-pub use map_file::grey;
-pub use part_file::PartFile;
+pub use map_file::{grey, grey_png, write_map};
+pub use part_file::{PartFile, write_file};
 pub use picture::{Curve, Plot};
 pub use pose_table::PoseTable;
 pub use sketch::{Sketch, Surroundings};
@@ -28,7 +28,6 @@ use crate::private;
 use crate::time::Timestamp;
 use fault_log::FaultLog;
 use lock_log::LockLog;
-use part_file::write_file;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -190,7 +189,7 @@ impl Outputs {
         summary.latency = self.latency();
         let known = state.raster.occupancy.iter().filter(|percent| **percent != Raster::UNKNOWN).count();
         summary.map_m2 = known as f64 * state.raster.cell_m * state.raster.cell_m;
-        summary.map_sha256 = map_file::write_map(&self.folder, state.raster)?;
+        summary.map_sha256 = write_map(&self.folder, "map", state.raster)?;
         let picture = self
             .picture(state, &summary)
             .map_err(|source| PublishError { path: self.folder.join("map.png"), source })?;

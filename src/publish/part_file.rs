@@ -118,8 +118,11 @@ fn drain(waiting: &mut Vec<u8>, file: &mut impl Write) -> io::Result<()> {
     Ok(())
 }
 
-/// Writes a whole file at once and returns its SHA-256.
-pub(super) fn write_file(folder: &Path, name: &str, bytes: &[u8]) -> Result<String, PublishError> {
+/// Writes a whole file at once, for its owner alone, and returns its SHA-256 in hexadecimal.
+///
+/// # Errors
+/// When it cannot be written; the old file, if there was one, is then still there.
+pub fn write_file(folder: &Path, name: &str, bytes: &[u8]) -> Result<String, PublishError> {
     let mut file = PartFile::create(&folder.join(name))?;
     file.sha256.update(bytes);
     file.waiting.extend_from_slice(bytes);

@@ -1,0 +1,262 @@
+//! What the hub knows, and the files it keeps of it. One thread owns it.
+
+use super::copy::Files;
+use super::fetch::Wish;
+use super::heard::{Heard, Kind as Put};
+use super::replica::{Played, Replica};
+use super::status::{RobotStatus, SessionSummary, SiteStatus};
+use super::{Hub, News};
+use crate::clock::Moment;
+use crate::map_files;
+use crate::merge::Newest;
+use crate::name::Name;
+use crate::session::SessionId;
+use crate::site::{Place, Site};
+use crate::wire::{Grid, MOST_SESSIONS, Status};
+use slamd::private::create_folder;
+use slamd::publish::write_file;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::io;
+use std::path::PathBuf;
+use std::sync::mpsc::Sender;
+use std::time::Duration;
+
+/// What the hub knows.
+pub(super) struct Desk {
+    hub: Hub,
+    robots: BTreeMap<Name, Seat>,
+    newest: Newest,
+    /// Robots whose newest map is not on disk yet.
+    unsaved: BTreeSet<Name>,
+    places: BTreeMap<Name, Place>,
+    merged_sha256: String,
+    published: Option<Moment>,
+    /// Something that `status.json` tells has changed.
+    is_changed: bool,
+    /// A robot's map has changed.
+    has_new_map: bool,
+}
+
+/// One robot.
+#[derive(Default)]
+struct Seat {
+    wishes: Option<Sender<Wish>>,
+    heard: BTreeMap<SessionId, Heard>,
+    status: RobotStatus,
+}
+
+/// The map is written no more often.
+const PUBLISH_EVERY: Duration = Duration::from_secs(2);
+/// A map that is so many records ahead of what is here of the capture is asked for: some seconds.
+const AHEAD: u64 = 300;
+
+impl Desk {
+    /// Takes up what an earlier hub has left in the folder.
+    pub(super) fn open(hub: &Hub, news: &Sender<News>) -> io::Result<Self> {
+        create_folder(&hub.folder.join("maps"))?;
+        let mut desk = Self {
+            hub: hub.clone(),
+            robots: BTreeMap::new(),
+            newest: Newest::default(),
+            unsaved: BTreeSet::new(),
+            places: BTreeMap::new(),
+            merged_sha256: String::new(),
+            published: None,
+            is_changed: true,
+            has_new_map: true,
+        };
+        for robot in hub.fleet.robots().keys() {
+            create_folder(&hub.captures(robot))?;
+            desk.robots.insert(robot.clone(), Seat::default());
+            match fs::read(desk.map_file(robot)) {
+                Ok(bytes) => match Grid::decode(&bytes) {
+                    Ok(grid) => drop(desk.newest.take(robot, grid)),
+                    // It comes again.
+                    Err(error) => tracing::warn!("{}: {error}", desk.map_file(robot).display()),
+                },
+                Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+                Err(error) => return Err(error),
+            }
+            desk.play_what_is_left(robot, news)?;
+        }
+        Ok(desk)
+    }
+
+    /// Where a robot's captures are asked for.
+    pub(super) fn fetch_by(&mut self, robot: &Name, wishes: Sender<Wish>) {
+        if let Some(seat) = self.robots.get_mut(robot) {
+            seat.wishes = Some(wishes);
+        }
+    }
+
+    /// Takes something that has happened.
+    pub(super) fn take(&mut self, news: News) -> io::Result<()> {
+        match news {
+            News::Alive(robot, is_there) => {
+                tracing::info!("{robot}: {}", if is_there { "is there" } else { "is gone" });
+                self.seat(&robot, |seat| seat.status.online = is_there);
+                self.is_changed = true;
+            }
+            News::Status(robot, status) => self.status(&robot, &status),
+            News::Heard(robot, session, put, seq) => return self.heard(&robot, session, put, seq),
+            News::Fetched(robot, session, bytes) => self.seat(&robot, |seat| {
+                if seat.status.session == Some(session) {
+                    seat.status.fetched_bytes = bytes;
+                }
+            }),
+            News::Map(robot, grid) => {
+                if self.hub.fleet.robots().contains_key(&robot) && self.newest.take(&robot, grid) {
+                    self.unsaved.insert(robot);
+                    self.has_new_map = true;
+                }
+            }
+            News::Played(robot, played) => return self.played(&robot, *played),
+            News::Trouble(robot, words) => tracing::warn!("{robot}: {words}"),
+        }
+        Ok(())
+    }
+
+    /// Writes the map and the status, where something has changed and the last time is long enough ago.
+    pub(super) fn publish_if_due(&mut self) -> io::Result<()> {
+        let is_due = self.published.is_none_or(|last| last.elapsed() >= PUBLISH_EVERY);
+        if !is_due || !(self.is_changed || self.has_new_map) {
+            return Ok(());
+        }
+        if std::mem::take(&mut self.has_new_map) {
+            self.merge()?;
+        }
+        (self.published, self.is_changed) = (Some(Moment::now()), false);
+        let status = self.site_status();
+        write_file(&self.hub.folder, "status.json", &status.to_json()).map_err(io::Error::other)?;
+        Ok(())
+    }
+
+    /// Writes the robots' maps and the merged one, and tells who has found a place or lost it.
+    fn merge(&mut self) -> io::Result<()> {
+        self.save_maps()?;
+        let site = Site::assemble(&self.hub.fleet, &self.newest);
+        for (robot, place) in &site.places {
+            let before = self.places.get(robot);
+            // The scores of a map that grows are not told each time.
+            if before.map(std::mem::discriminant) != Some(std::mem::discriminant(place)) {
+                tracing::info!("{robot}: {place}");
+            }
+        }
+        match map_files::write(&self.hub.folder, &site) {
+            Ok(sha256) => self.merged_sha256 = sha256,
+            Err(error) => tracing::error!("{error}"),
+        }
+        self.places = site.places;
+        Ok(())
+    }
+
+    fn status(&mut self, robot: &Name, status: &Status) {
+        if status.captures.len() > MOST_SESSIONS {
+            return tracing::warn!(
+                "{robot}: offers {} captures, and {MOST_SESSIONS} are looked at",
+                status.captures.len()
+            );
+        }
+        let known = self.newest.get(robot).map(|grid| (grid.session, grid.seq));
+        let last = status.captures.last();
+        let map = status.map_seq > 0
+            && last.is_some_and(|last| {
+                known.is_none_or(|known| known < (last.session, status.map_seq.saturating_sub(AHEAD)))
+            });
+        self.seat(robot, |seat| {
+            seat.status.offered(status);
+            if let Some(wishes) = &seat.wishes {
+                // The thread ends only with the hub.
+                let _ = wishes.send(Wish { captures: status.captures.clone(), map });
+            }
+        });
+        self.is_changed = true;
+    }
+
+    fn heard(&mut self, robot: &Name, session: SessionId, put: Put, seq: u64) -> io::Result<()> {
+        let path = Files::new(&self.hub.captures(robot), session).heard();
+        let Some(seat) = self.robots.get_mut(robot) else { return Ok(()) };
+        if !seat.heard.contains_key(&session) {
+            if seat.heard.len() >= MOST_SESSIONS {
+                return Ok(());
+            }
+            seat.heard.insert(session, Heard::open(&path)?);
+        }
+        seat.heard.get_mut(&session).map_or(Ok(()), |heard| heard.note(put, seq))
+    }
+
+    /// A drive is whole: every pose of it is written, and what was lost on the way is counted. The summary is the last file.
+    fn played(&mut self, robot: &Name, played: Played) -> io::Result<()> {
+        let folder = self.hub.captures(robot);
+        let files = Files::new(&folder, played.session);
+        let heard = Heard::open(&files.heard())?;
+        if let Some(map) = played.map.filter(|map| self.newest.take(robot, map.clone())) {
+            tracing::debug!("{robot}: its last map has {} tiles", map.tiles.len());
+            self.unsaved.insert(robot.clone());
+            self.has_new_map = true;
+        }
+        self.save_maps()?;
+        let summary = SessionSummary {
+            robot: robot.clone(),
+            session: played.session,
+            bytes: played.bytes,
+            sha256: played.sha256,
+            poses: played.poses.len(),
+            poses_heard: heard.count(Put::Pose, &played.poses),
+            sweeps: played.sweeps.len(),
+            sweeps_heard: heard.count(Put::Sweep, &played.sweeps),
+        };
+        let [poses, last] = files.results();
+        write_file(&folder, &poses, played.poses_csv.as_bytes()).map_err(io::Error::other)?;
+        write_file(&folder, &last, &summary.to_json()).map_err(io::Error::other)?;
+        tracing::info!("{summary}");
+        self.seat(robot, |seat| seat.status.whole_captures += 1);
+        self.is_changed = true;
+        Ok(())
+    }
+
+    /// Captures that were whole when the hub was killed, and of which it had not seen the end.
+    fn play_what_is_left(&mut self, robot: &Name, news: &Sender<News>) -> io::Result<()> {
+        let folder = self.hub.captures(robot);
+        for entry in fs::read_dir(&folder)? {
+            let name = entry?.file_name();
+            let session = name.to_str().and_then(|name| name.strip_suffix(".mcap")?.parse().ok());
+            let Some(files) = session.map(|session| Files::new(&folder, session)) else { continue };
+            if files.is_done() {
+                self.seat(robot, |seat| seat.status.whole_captures += 1);
+            } else {
+                Replica::begin(robot, &files, news).end();
+            }
+        }
+        Ok(())
+    }
+
+    fn save_maps(&mut self) -> io::Result<()> {
+        for robot in std::mem::take(&mut self.unsaved) {
+            if let Some(grid) = self.newest.get(&robot) {
+                write_file(&self.hub.folder.join("maps"), &format!("{robot}.map"), &grid.encode())
+                    .map_err(io::Error::other)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn site_status(&self) -> SiteStatus {
+        let robots = self.robots.iter().map(|(robot, seat)| {
+            let place = self.places.get(robot).unwrap_or(&Place::NoMap);
+            (robot.clone(), RobotStatus { place: place.to_string(), ..seat.status.clone() })
+        });
+        SiteStatus { merged_sha256: self.merged_sha256.clone(), robots: robots.collect() }
+    }
+
+    fn map_file(&self, robot: &Name) -> PathBuf {
+        self.hub.folder.join("maps").join(format!("{robot}.map"))
+    }
+
+    fn seat(&mut self, robot: &Name, change: impl FnOnce(&mut Seat)) {
+        if let Some(seat) = self.robots.get_mut(robot) {
+            change(seat);
+        }
+    }
+}

@@ -1,0 +1,158 @@
+//! Fetches what a robot offers: one thread per robot, one question after the other.
+
+use super::News;
+use super::copy::{Copy, CopyError, Files};
+use super::replica::Replica;
+use crate::name::{Name, Topic, key};
+use crate::session::SessionId;
+use crate::wire::{Grid, Offer, Piece};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::Duration;
+use zenoh::{Session, Wait as _};
+
+/// What is to be fetched.
+#[derive(Clone, Debug)]
+pub struct Wish {
+    /// What the robot offers.
+    pub captures: Vec<Offer>,
+    /// Its map is far ahead of what is known of its capture.
+    pub map: bool,
+}
+
+/// Fetches from one robot.
+struct Fetcher {
+    robot: Name,
+    folder: PathBuf,
+    session: Session,
+    keys: [String; 2],
+    open: BTreeMap<SessionId, (Copy, Replica)>,
+    news: Sender<News>,
+}
+
+/// A robot that answers no sooner is asked again when it tells its status.
+const PATIENCE: Duration = Duration::from_secs(5);
+const MOST_WORDS: usize = 200;
+
+/// Begins to fetch from a robot into its folder; what is told last is fetched.
+pub fn begin(site: &Name, robot: &Name, folder: PathBuf, session: &Session, news: &Sender<News>) -> Sender<Wish> {
+    let (wishes, wanted) = channel();
+    let mut fetcher = Fetcher {
+        robot: robot.clone(),
+        folder,
+        session: session.clone(),
+        keys: [Topic::Capture, Topic::Map].map(|topic| key(site, robot, topic)),
+        open: BTreeMap::new(),
+        news: news.clone(),
+    };
+    std::thread::spawn(move || {
+        while let Some(wish) = newest(&wanted) {
+            if let Err(words) = fetcher.fetch(&wish) {
+                fetcher.tell(News::Trouble(fetcher.robot.clone(), words));
+            }
+        }
+    });
+    wishes
+}
+
+/// Waits for a wish, and passes over those that are out of date.
+fn newest(wanted: &Receiver<Wish>) -> Option<Wish> {
+    let first = wanted.recv().ok()?;
+    Some(wanted.try_iter().last().unwrap_or(first))
+}
+
+impl Fetcher {
+    fn fetch(&mut self, wish: &Wish) -> Result<(), String> {
+        if wish.map
+            && let Some(bytes) = self.ask(&self.keys[1])?
+        {
+            let grid = Grid::decode(&bytes).map_err(|error| format!("its map {error}"))?;
+            self.tell(News::Map(self.robot.clone(), grid));
+        }
+        // The drive under way first.
+        for offer in wish.captures.iter().rev() {
+            let files = Files::new(&self.folder, offer.session);
+            if !files.capture().exists() {
+                self.capture(offer, &files).map_err(|error| error.to_string())?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Fetches a capture as far as it is offered.
+    fn capture(&mut self, offer: &Offer, files: &Files) -> Result<(), CopyError> {
+        let session = offer.session;
+        let (mut copy, mut replica) = match self.open.remove(&session) {
+            Some(open) => open,
+            None => {
+                let copy = Copy::open(files.clone())?;
+                (copy, Replica::begin(&self.robot, files, &self.news))
+            }
+        };
+        let mut has_begun_again = false;
+        while copy.bytes() < offer.bytes || offer.is_whole {
+            let question = format!("{}?session={session};from={}", self.keys[0], copy.bytes());
+            let Some(piece) = self.piece(&question, session) else { break };
+            match copy.take(&piece) {
+                Ok(()) if piece.is_last => {
+                    let finished = copy.finish();
+                    match finished {
+                        Ok(()) => replica.end(),
+                        Err(_) => drop(self.open.insert(session, (copy, replica))),
+                    }
+                    return finished;
+                }
+                Ok(()) if piece.bytes.is_empty() => break,
+                Ok(()) => self.tell(News::Fetched(self.robot.clone(), session, copy.bytes())),
+                Err(CopyError::Digest) if !has_begun_again => {
+                    tracing::warn!("{}: session {session}: {}; it is fetched anew", self.robot, CopyError::Digest);
+                    has_begun_again = true;
+                    replica.abandon();
+                    copy = copy.begin_again()?;
+                    replica = Replica::begin(&self.robot, files, &self.news);
+                }
+                Err(error) => {
+                    self.open.insert(session, (copy, replica));
+                    return Err(error);
+                }
+            }
+        }
+        self.open.insert(session, (copy, replica));
+        Ok(())
+    }
+
+    /// A piece; none where it was not to be had now.
+    fn piece(&self, question: &str, session: SessionId) -> Option<Piece> {
+        let answer = self.ask(question).and_then(|bytes| match bytes {
+            Some(bytes) => Piece::decode(&bytes).map(Some).map_err(|error| format!("a piece of a capture {error}")),
+            None => Ok(None),
+        });
+        match answer {
+            Ok(piece) => piece.filter(|piece| piece.session == session),
+            Err(words) => {
+                tracing::debug!("{}: {words}", self.robot);
+                None
+            }
+        }
+    }
+
+    /// The answer to a question; none where nobody answers in time.
+    fn ask(&self, question: &str) -> Result<Option<Vec<u8>>, String> {
+        let answers = self.session.get(question).timeout(PATIENCE).wait().map_err(|error| error.to_string())?;
+        let Ok(answer) = answers.recv() else { return Ok(None) };
+        match answer.into_result() {
+            Ok(sample) => Ok(Some(sample.payload().to_bytes().into_owned())),
+            Err(refusal) => {
+                // A stranger's words: short, and without what takes over a terminal.
+                let words = String::from_utf8_lossy(&refusal.payload().to_bytes()).into_owned();
+                Err(words.chars().filter(|character| !character.is_control()).take(MOST_WORDS).collect())
+            }
+        }
+    }
+
+    fn tell(&self, news: News) {
+        // The hub is ending where nobody listens.
+        let _ = self.news.send(news);
+    }
+}

@@ -1,0 +1,168 @@
+//! The hub: hears the robots, fetches their captures, and keeps the site's map.
+//!
+//! Everything is in one folder, and each file of it is whole, or grows by checked pieces. So the hub may be killed at any time and started again:
+//!
+//! | file | content |
+//! |---|---|
+//! | `captures/ROBOT/SESSION.mcap` | a whole capture; `.mcap.part` while it is fetched |
+//! | `captures/ROBOT/SESSION.poses.csv` | every pose of it |
+//! | `captures/ROBOT/SESSION.heard` | which puts of it were heard |
+//! | `captures/ROBOT/SESSION.json` | its length, SHA-256, and how many puts were lost and refilled |
+//! | `maps/ROBOT.map` | the robot's newest map |
+//! | `merged.map`, `.pgm`, `.yaml`, `.png` | the site's map: the sums, and as pictures |
+//! | `status.json` | who is there, and where each robot's map lies |
+
+pub mod copy;
+pub mod fetch;
+pub mod heard;
+pub mod replica;
+pub mod status;
+
+mod desk;
+
+use crate::fleet_file::FleetFile;
+use crate::name::{Name, Topic, key};
+use crate::network::{Endpoint, listen};
+use crate::session::SessionId;
+use crate::wire::{Grid, Pose, Status, Sweep, from_json};
+use desk::Desk;
+use heard::Kind as Put;
+use replica::Played;
+use slamd::cli::{Failure, Kind};
+use slamd::private::create_folder;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::time::Duration;
+use zenoh::sample::{Sample, SampleKind};
+use zenoh::{Session, Wait as _};
+
+/// Something that has happened to a robot.
+#[derive(Debug)]
+pub enum News {
+    /// It is there, or is not.
+    Alive(Name, bool),
+    /// It tells what it has.
+    Status(Name, Status),
+    /// A put was heard.
+    Heard(Name, SessionId, Put, u64),
+    /// So many bytes of a capture are here.
+    Fetched(Name, SessionId, u64),
+    /// A map of it.
+    Map(Name, Grid),
+    /// A drive is here as a whole.
+    Played(Name, Box<Played>),
+    /// Something is wrong.
+    Trouble(Name, String),
+}
+
+/// What a hub is told.
+#[derive(Clone, Debug)]
+pub struct Hub {
+    /// The site.
+    pub site: Name,
+    /// The fleet.
+    pub fleet: FleetFile,
+    /// Where everything is kept.
+    pub folder: PathBuf,
+}
+
+/// Puts that may wait to be noted: more are lost, and refilled.
+const MOST_WAITING: usize = 10_000;
+/// How soon a change is in the map.
+const TURN: Duration = Duration::from_millis(500);
+
+impl Hub {
+    /// Listens, and runs until it is killed.
+    ///
+    /// # Errors
+    /// Where the folder cannot be used, or nobody could come in, or too many.
+    pub fn run(&self, at: &Endpoint, users: Option<&Path>) -> Result<(), Failure> {
+        let (news, heard) = channel();
+        let mut desk = Desk::open(self, &news).map_err(|error| {
+            let text = format!("{}: {error}; choose a folder that can be written with --out", self.folder.display());
+            Failure::new(Kind::CantCreate, text)
+        })?;
+        let session = listen(at, &self.site, &self.fleet, users)?;
+        let waiting = Arc::new(AtomicUsize::new(0));
+        for robot in self.fleet.robots().keys() {
+            self.listen_to(robot, &session, &news, &waiting)
+                .map_err(|error| Failure::new(Kind::Unavailable, error.to_string()))?;
+            let folder = self.captures(robot);
+            create_folder(&folder).map_err(|error| Failure::new(Kind::CantCreate, error.to_string()))?;
+            desk.fetch_by(robot, fetch::begin(&self.site, robot, folder, &session, &news));
+        }
+        tracing::info!("site {}: listening, {} robots may come", self.site, self.fleet.robots().len());
+        work(&mut desk, &heard, &waiting)
+    }
+
+    fn captures(&self, robot: &Name) -> PathBuf {
+        self.folder.join("captures").join(robot.as_ref())
+    }
+
+    /// Hears a robot's puts and whether it is there.
+    fn listen_to(
+        &self,
+        robot: &Name,
+        session: &Session,
+        news: &Sender<News>,
+        waiting: &Arc<AtomicUsize>,
+    ) -> zenoh::Result<()> {
+        let (name, out, waiting) = (robot.clone(), news.clone(), Arc::clone(waiting));
+        let hear = move |sample: Sample| {
+            let Some(item) = item(&name, &sample) else { return };
+            if matches!(item, News::Heard(..)) && waiting.fetch_add(1, Ordering::AcqRel) >= MOST_WAITING {
+                waiting.fetch_sub(1, Ordering::AcqRel);
+                return;
+            }
+            // The hub is ending where nobody listens.
+            let _ = out.send(item);
+        };
+        let every = format!("slamd/{}/{robot}/*", self.site);
+        session.declare_subscriber(every).callback(hear).background().wait()?;
+        let (name, out) = (robot.clone(), news.clone());
+        let notice = move |sample: Sample| {
+            let _ = out.send(News::Alive(name.clone(), sample.kind() == SampleKind::Put));
+        };
+        let alive = key(&self.site, robot, Topic::Alive);
+        session.liveliness().declare_subscriber(alive).history(true).callback(notice).background().wait()
+    }
+}
+
+/// What a put says; none where it says nothing that is known.
+fn item(robot: &Name, sample: &Sample) -> Option<News> {
+    let payload = sample.payload().to_bytes();
+    let topic = sample.key_expr().as_str().rsplit('/').next().unwrap_or_default();
+    let read = if topic == Topic::Pose.word() {
+        from_json::<Pose>(&payload).map(|pose| News::Heard(robot.clone(), pose.session, Put::Pose, pose.seq))
+    } else if topic == Topic::Sweep.word() {
+        from_json::<Sweep>(&payload).map(|sweep| News::Heard(robot.clone(), sweep.session, Put::Sweep, sweep.seq))
+    } else if topic == Topic::Status.word() {
+        from_json::<Status>(&payload).map(|status| News::Status(robot.clone(), status))
+    } else {
+        return None;
+    };
+    Some(read.unwrap_or_else(|error| News::Trouble(robot.clone(), format!("its {topic} {error}"))))
+}
+
+/// The hub's only loop.
+fn work(desk: &mut Desk, heard: &Receiver<News>, waiting: &AtomicUsize) -> Result<(), Failure> {
+    loop {
+        match heard.recv_timeout(TURN) {
+            Ok(item) => {
+                if matches!(item, News::Heard(..)) {
+                    waiting.fetch_sub(1, Ordering::AcqRel);
+                }
+                desk.take(item).map_err(writing)?;
+            }
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => return Ok(()),
+        }
+        desk.publish_if_due().map_err(writing)?;
+    }
+}
+
+fn writing(error: std::io::Error) -> Failure {
+    Failure::new(Kind::Io, format!("{error}; the hub can be started again when its folder can be written"))
+}

@@ -1,0 +1,131 @@
+//! A drive, played on the hub from its copy of the capture while that grows: so what was lost on the way is there all the same.
+
+use super::News;
+use super::copy::{Files, digest};
+use crate::clock::{Moment, wait};
+use crate::follow::{Follow, Grip};
+use crate::map_files::hex;
+use crate::name::Name;
+use crate::player::{PlayError, Player, Report};
+use crate::session::SessionId;
+use crate::wire::{Grid, Pose};
+use sha2::Digest as _;
+use std::fmt::Write as _;
+use std::fs::File;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::Sender;
+use std::time::Duration;
+
+/// A drive being played.
+#[derive(Debug)]
+pub struct Replica {
+    grip: Grip,
+    is_abandoned: Arc<AtomicBool>,
+}
+
+/// A drive that is whole and has been played to its end.
+#[derive(Clone, Debug)]
+pub struct Played {
+    /// Which.
+    pub session: SessionId,
+    /// Bytes of the capture.
+    pub bytes: u64,
+    /// Its SHA-256 in hexadecimal, of what is on disk.
+    pub sha256: String,
+    /// The numbers of all poses.
+    pub poses: Vec<u64>,
+    /// The numbers of all sweeps.
+    pub sweeps: Vec<u64>,
+    /// The poses as a file.
+    pub poses_csv: String,
+    /// The last map; none where there was no pose.
+    pub map: Option<Grid>,
+}
+
+/// The map is told after so much time at least.
+const MAP_EVERY: Duration = Duration::from_secs(1);
+const LOOK: Duration = Duration::from_millis(20);
+
+impl Replica {
+    /// Begins to play a copy, whole or not, in a thread of its own.
+    #[must_use]
+    pub fn begin(robot: &Name, files: &Files, news: &Sender<News>) -> Self {
+        let replica = Self { grip: Grip::default(), is_abandoned: Arc::default() };
+        let (grip, is_abandoned) = (replica.grip.clone(), Arc::clone(&replica.is_abandoned));
+        let (robot, files, news) = (robot.clone(), files.clone(), news.clone());
+        std::thread::spawn(move || {
+            let tell = |item: News| {
+                if !is_abandoned.load(Ordering::Acquire) {
+                    // The hub is ending where nobody listens.
+                    let _ = news.send(item);
+                }
+            };
+            match play(&files, &grip, |grid| tell(News::Map(robot.clone(), grid))) {
+                Ok(played) => tell(News::Played(robot.clone(), Box::new(played))),
+                Err(error) => tell(News::Trouble(robot.clone(), error.to_string())),
+            }
+        });
+        replica
+    }
+
+    /// The copy is whole.
+    pub fn end(&self) {
+        self.grip.end();
+    }
+
+    /// The copy was wrong: nothing more is told of it.
+    pub fn abandon(self) {
+        self.is_abandoned.store(true, Ordering::Release);
+        self.grip.end();
+    }
+}
+
+fn play(files: &Files, grip: &Grip, each_map: impl Fn(Grid)) -> Result<Played, PlayError> {
+    let path = if files.capture().exists() { files.capture() } else { files.part() };
+    let io = |path: &Path, source| slamd::capture::CaptureError::Io { path: path.into(), source };
+    let mut player = Player::begin(Follow::open(&path, grip.clone()).map_err(|error| io(&path, error))?, &path)?;
+    let (mut poses, mut sweeps, mut poses_csv) = (Vec::new(), Vec::new(), csv_head());
+    let mut told = Moment::now();
+    loop {
+        let goes_on = player.step(|report| match report {
+            Report::Pose(pose) => {
+                poses.push(pose.seq);
+                csv_line(&mut poses_csv, &pose);
+            }
+            Report::Sweep(sweep) => sweeps.push(sweep.seq),
+        })?;
+        if !goes_on {
+            break;
+        }
+        if told.elapsed() >= MAP_EVERY {
+            told = Moment::now();
+            player.grid().into_iter().for_each(&each_map);
+        }
+    }
+    let map = player.grid();
+    map.iter().cloned().for_each(&each_map);
+    // The end of the recording comes a moment before the robot says that it is the end of the file.
+    while !grip.is_over() {
+        wait(LOOK);
+    }
+    let whole = files.capture();
+    let (bytes, sha256) =
+        File::open(&whole).and_then(|mut file| digest(&mut file)).map_err(|error| io(&whole, error))?;
+    let (session, sha256) = (player.session(), hex(&sha256.finalize()));
+    Ok(Played { session, bytes, sha256, poses, sweeps, poses_csv, map })
+}
+
+/// The first line of a file of poses.
+#[must_use]
+pub fn csv_head() -> String {
+    "seq,time_us,x_m,y_m,theta_rad\n".into()
+}
+
+/// A further line: every digit that counts.
+pub fn csv_line(csv: &mut String, pose: &Pose) {
+    let Pose { seq, time_us, x_m, y_m, theta_rad, .. } = pose;
+    // Text never refuses.
+    let _ = writeln!(csv, "{seq},{time_us},{x_m},{y_m},{theta_rad}");
+}

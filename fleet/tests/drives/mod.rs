@@ -1,0 +1,89 @@
+//! Simulated drives as captures.
+
+#![allow(dead_code, reason = "each user takes what it needs")]
+
+use slamd::capture::{CaptureInfo, CaptureWriter, Record};
+use slamd::config::Config;
+use slamd::geometry::{Point, Pose2};
+use slamd::sim::fault::FaultMix;
+use slamd::sim::link::LinkFaults;
+use slamd::sim::simulation::{SimConfig, Simulation, session};
+use slamd::sim::sonar::BeamShape;
+use slamd::sim::world::World;
+use slamd_fleet::player::Player;
+use slamd_fleet::wire::Grid;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
+/// A drive.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Drive {
+    pub(crate) world: &'static str,
+    pub(crate) seed: u64,
+    pub(crate) seconds: f64,
+    /// Where it begins; where the world says by default.
+    pub(crate) at: Option<(f64, f64)>,
+}
+
+impl Drive {
+    /// Writes the capture, and gives `world_from_robot` at the first sweep.
+    pub(crate) fn write(&self, path: &Path) -> Pose2 {
+        let mut world = World::named(self.world).unwrap();
+        world.start_heading_rad = None;
+        if let Some((x, y)) = self.at {
+            world.start = Point::new(x, y);
+            assert!(world.clearance(world.start) > 0.25, "{self:?} begins in a wall");
+        }
+        let simulation = Simulation::new(SimConfig {
+            world,
+            seed: self.seed,
+            duration_s: self.seconds,
+            mix: FaultMix::None,
+            faults: Vec::new(),
+            beam: BeamShape::Cone,
+            sensors: 32,
+            odometry_errors: 1.0,
+            clock_drift_ppm: 300.0,
+            link: LinkFaults::default(),
+        });
+        let info = CaptureInfo {
+            slamd_version: "test".into(),
+            config_toml: Config::default().to_toml(),
+            notes: format!("{self:?}"),
+            ..CaptureInfo::default()
+        };
+        let mut capture = CaptureWriter::create(path, &info).unwrap();
+        let mut start = None;
+        for record in session(simulation) {
+            match record {
+                Record::Received { at, bytes } => capture.received(at, &bytes).unwrap(),
+                Record::Sent { at, bytes } => capture.sent(at, &bytes).unwrap(),
+                Record::Truth { at, pose } => {
+                    start.get_or_insert(pose);
+                    capture.truth(at, pose).unwrap();
+                }
+            }
+        }
+        capture.finish().unwrap();
+        start.unwrap()
+    }
+
+    /// The map of the drive, and `world_from_map`.
+    pub(crate) fn map(&self) -> (Grid, Pose2) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("drive.mcap");
+        let start = self.write(&path);
+        let grid = play(&path);
+        let world_from_map = start * grid.start.pose().inverse();
+        (grid, world_from_map)
+    }
+}
+
+/// The map of a capture.
+pub(crate) fn play(path: &Path) -> Grid {
+    let mut player = Player::begin(BufReader::new(File::open(path).unwrap()), path).unwrap();
+    player.finish(drop).unwrap();
+    assert_eq!(player.damage(), None);
+    player.grid().unwrap()
+}
