@@ -25,6 +25,8 @@ impl Daemon {
 
     #[expect(clippy::disallowed_methods, reason = "the test measures in real time")]
     pub fn run(mut command: Command) -> Self {
+        // Not with the configuration of whoever runs the tests.
+        command.env("XDG_CONFIG_HOME", "/nonexistent");
         let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("it runs");
         let stderr = BufReader::new(child.stderr.take().expect("its log"));
         let (sender, lines) = channel();
