@@ -26,7 +26,9 @@ impl Daemon {
     #[expect(clippy::disallowed_methods, reason = "the test measures in real time")]
     pub fn run(mut command: Command) -> Self {
         // Not with the configuration of whoever runs the tests.
-        command.env("XDG_CONFIG_HOME", "/nonexistent");
+        if !command.get_envs().any(|(name, _)| name == "XDG_CONFIG_HOME" || name == "HOME") {
+            command.env("XDG_CONFIG_HOME", "/nonexistent");
+        }
         let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("it runs");
         let stderr = BufReader::new(child.stderr.take().expect("its log"));
         let (sender, lines) = channel();
