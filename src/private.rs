@@ -34,18 +34,25 @@ pub fn create_folder(path: &Path) -> io::Result<()> {
     DirBuilder::new().recursive(true).mode(FOLDER).create(path)
 }
 
-/// The first line of a file that nobody but its owner may read: a password or a token.
+/// The first line of a [`secret`]: a password or a token.
 ///
 /// # Errors
-/// Where it cannot be read, or others may read it, in words with what to do about it. The line is in none of them.
+/// As [`secret`].
 pub fn first_line(path: &Path) -> Result<String, String> {
+    Ok(secret(path)?.lines().next().unwrap_or_default().to_owned())
+}
+
+/// The text of a file that nobody but its owner may read.
+///
+/// # Errors
+/// Where it cannot be read, or others may read it, in words with what to do about it. The text is in none of them.
+pub fn secret(path: &Path) -> Result<String, String> {
     let system = |error: io::Error| format!("{error}; name a file that holds the secret");
     let mode = std::fs::metadata(path).map_err(system)?.permissions().mode() & 0o777;
     if mode & 0o077 != 0 {
         return Err(format!("others may use it (mode {mode:o}): `chmod 600` keeps it to its owner"));
     }
-    let text = std::fs::read_to_string(path).map_err(system)?;
-    Ok(text.lines().next().unwrap_or_default().to_owned())
+    std::fs::read_to_string(path).map_err(system)
 }
 
 /// A file that was there before keeps its mode when it is opened. A pipe or a device is whose it is.

@@ -10,11 +10,6 @@ use mock_port::Board;
 use mosquitto::{Mosquitto, Subscriber};
 use serde_json::Value;
 use served::{SOON, Served};
-use slamd::sim::fault::FaultMix;
-use slamd::sim::link::LinkFaults;
-use slamd::sim::simulation::{SimConfig, Simulation};
-use slamd::sim::sonar::BeamShape;
-use slamd::sim::world::World;
 use std::collections::{BTreeMap, BTreeSet};
 use std::os::unix::fs::PermissionsExt as _;
 
@@ -25,21 +20,6 @@ const REQUIRED: &[(&str, &[&str])] =
 /// The device classes that it knows, of those that are used, with the units that it takes for them.
 const CLASSES: &[(&str, &str, &[&str])] =
     &[("sensor", "distance", &["m"]), ("sensor", "enum", &[]), ("binary_sensor", "problem", &[])];
-
-fn robot_with_a_missing_sensor() -> Board {
-    Board::Robot(Box::new(Simulation::new(SimConfig {
-        world: World::named("flat").unwrap(),
-        seed: 1,
-        duration_s: 36_000.0,
-        mix: FaultMix::None,
-        faults: vec!["3:missing".parse().unwrap()],
-        beam: BeamShape::Cone,
-        sensors: 32,
-        odometry_errors: 1.0,
-        clock_drift_ppm: 300.0,
-        link: LinkFaults::default(),
-    })))
-}
 
 /// The descriptions of all entities, by topic.
 fn descriptions(told: &BTreeMap<String, Vec<u8>>) -> BTreeMap<String, Value> {
@@ -88,7 +68,7 @@ fn home_assistant_finds_the_robot_and_its_end() {
     let served = Served::new(&["--mqtt", &broker.address()]);
     let mut subscriber = Subscriber::new(&broker, None);
     subscriber.expect("slamd/robot/link", b"searching", SOON);
-    let _board = served.plug_in(robot_with_a_missing_sensor());
+    let _board = served.plug_in(Board::broken(1, &["3:missing"]));
     subscriber.expect("slamd/robot/link", b"streaming", SOON);
     subscriber.expect("slamd/robot/sensor/3", b"ON", SOON);
     subscriber.until(SOON, |it| it.told.contains_key("slamd/robot/map"));

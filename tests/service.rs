@@ -6,11 +6,6 @@ mod mock_port;
 
 use mock_port::daemon::Daemon;
 use mock_port::{Board, Device, Plugged};
-use slamd::sim::fault::FaultMix;
-use slamd::sim::link::LinkFaults;
-use slamd::sim::simulation::{SimConfig, Simulation};
-use slamd::sim::sonar::BeamShape;
-use slamd::sim::world::World;
 use std::fs::OpenOptions;
 use std::io::{Read as _, Write as _};
 use std::os::fd::AsRawFd as _;
@@ -98,22 +93,6 @@ fn program(folder: &Path, notify: &str) -> Command {
     command
 }
 
-fn robot_with_a_missing_sensor() -> Device {
-    let config = SimConfig {
-        world: World::named("flat").unwrap(),
-        seed: 1,
-        duration_s: 36_000.0,
-        mix: FaultMix::None,
-        faults: vec!["3:missing".parse().unwrap()],
-        beam: BeamShape::Cone,
-        sensors: 32,
-        odometry_errors: 1.0,
-        clock_drift_ppm: 300.0,
-        link: LinkFaults::default(),
-    };
-    Device::new(Board::Robot(Box::new(Simulation::new(config))), 1)
-}
-
 #[test]
 fn it_is_ready_without_a_board_tells_its_state_and_feeds_the_watchdog() {
     let folder = tempfile::tempdir().unwrap();
@@ -125,7 +104,7 @@ fn it_is_ready_without_a_board_tells_its_state_and_feeds_the_watchdog() {
     assert!(first.starts_with("READY=1\nSTATUS=searching: port missing"), "{first}");
     let waiting = manager.listen(PATIENCE);
     assert!((2..=5).contains(&waiting), "four feedings are wanted while the port is searched for, not {waiting}");
-    let board = Plugged::new(&folder.path().join("board"), robot_with_a_missing_sensor());
+    let board = Plugged::new(&folder.path().join("board"), Device::new(Board::broken(1, &["3:missing"]), 1));
     manager.expect("STATUS=streaming, 32 sensors, 0 faulty");
     manager.expect("STATUS=streaming, 32 sensors, 1 faulty");
     let streaming = manager.listen(PATIENCE);
@@ -148,7 +127,7 @@ fn it_is_ready_without_a_board_tells_its_state_and_feeds_the_watchdog() {
     // What was learnt is there the next time, and the file need not have been there the first time.
     assert!(folder.path().join("home.session").exists());
     let mut again = Daemon::run(program(folder.path(), place.to_str().unwrap()));
-    let _board = Plugged::new(&folder.path().join("board"), robot_with_a_missing_sensor());
+    let _board = Plugged::new(&folder.path().join("board"), Device::new(Board::broken(1, &["3:missing"]), 1));
     manager.expect("STATUS=streaming, 32 sensors, 1 faulty");
     assert!(!again.has_said("there is no session yet"));
     again.end();

@@ -1,7 +1,6 @@
 //! Files with passwords: read only where nobody else can.
 
-use std::fs;
-use std::os::unix::fs::PermissionsExt as _;
+use slamd::private;
 use std::path::{Path, PathBuf};
 
 /// A file of passwords that cannot be used.
@@ -48,12 +47,7 @@ pub fn users(path: &Path) -> Result<Vec<String>, SecretError> {
 }
 
 fn read(path: &Path) -> Result<String, SecretError> {
-    let system = |source: std::io::Error| error(path, format!("{source}; name a file that holds passwords"));
-    let mode = fs::metadata(path).map_err(system)?.permissions().mode() & 0o777;
-    if mode & 0o077 != 0 {
-        return Err(error(path, format!("others may use it (mode {mode:o}): `chmod 600` keeps it to its owner")));
-    }
-    fs::read_to_string(path).map_err(system)
+    private::secret(path).map_err(|cause| error(path, cause))
 }
 
 fn is_password(word: &str) -> bool {
@@ -68,6 +62,7 @@ fn error(path: &Path, cause: String) -> SecretError {
 mod tests {
     use super::*;
     use std::fs::{Permissions, set_permissions, write};
+    use std::os::unix::fs::PermissionsExt as _;
 
     #[test]
     fn a_file_for_its_owner_alone_holds_passwords() {

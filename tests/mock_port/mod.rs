@@ -46,13 +46,27 @@ pub enum Board {
 impl Board {
     /// A robot in the flat, every random number from `seed`.
     pub fn robot(seed: u64) -> Self {
-        Self::Robot(Box::new(simulation(seed, LinkFaults::default(), 36_000.0)))
+        Self::Robot(Box::new(simulation(seed, LinkFaults::default(), LONG_S)))
+    }
+
+    /// The same with broken sensors, as `slamd simulate --fault` takes them.
+    pub fn broken(seed: u64, faults: &[&str]) -> Self {
+        let faults = faults.iter().map(|fault| fault.parse().expect("a fault")).collect();
+        Self::Robot(Box::new(Simulation::new(SimConfig { faults, ..drive(seed, LinkFaults::default(), LONG_S) })))
     }
 }
 
+/// Longer than any test, seconds.
+pub const LONG_S: f64 = 36_000.0;
+
 /// A drive through the flat.
 pub fn simulation(seed: u64, link: LinkFaults, duration_s: f64) -> Simulation {
-    Simulation::new(SimConfig {
+    Simulation::new(drive(seed, link, duration_s))
+}
+
+/// What makes it.
+pub fn drive(seed: u64, link: LinkFaults, duration_s: f64) -> SimConfig {
+    SimConfig {
         world: World::named("flat").expect("a built-in world"),
         seed,
         duration_s,
@@ -63,7 +77,7 @@ pub fn simulation(seed: u64, link: LinkFaults, duration_s: f64) -> Simulation {
         odometry_errors: 1.0,
         clock_drift_ppm: 300.0,
         link,
-    })
+    }
 }
 
 /// A board and how long it has been running, in or out of the host.
