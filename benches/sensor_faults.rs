@@ -144,26 +144,28 @@ fn compare(whole: &[Drive], rows: &[Row]) {
     let mut outcomes = run(&drives);
     let broken = outcomes.split_off(whole.len());
     println!(
-        "| broken | found | latency s, median / p90 | ATE m, median | ratio to whole, median / p90 / worst | above 1.5 | of their sweeps that are off, said | false alarms |"
+        "| broken | found | latency s, median / p90 | ATE m, median | error m, median / p90 / worst | ratio to whole, median / p90 | worse | of their sweeps that are off, said | false alarms |"
     );
-    println!("|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|");
     for (row, outcomes_of) in rows.iter().zip(broken.chunks(whole.len())) {
         print_row(row, outcomes_of, &outcomes);
     }
-    let ates: Vec<f64> = outcomes.iter().map(|outcome| outcome.ate_m).collect();
-    println!("\nwhole: ATE {:.3} m, median", quantile(&ates, 0.5));
+    let of = |error: fn(&Outcome) -> f64| outcomes.iter().map(error).collect::<Vec<f64>>();
+    let (ates, errors) = (of(|outcome| outcome.ate_m), of(|outcome| outcome.rms_m));
+    println!("\nwhole: ATE {:.3} m, median, error {}", quantile(&ates, 0.5), quantiles(&errors));
 }
 
 fn print_row(row: &Row, broken: &[Outcome], whole: &[Outcome]) {
-    let (mut latencies_s, mut faults, mut alarms) = (Vec::new(), 0, 0);
+    let (mut latencies_s, mut faults, mut alarms, mut worse) = (Vec::new(), 0, 0, 0);
     let (mut ratios, mut shares) = (Vec::new(), Vec::new());
     for ((drive, outcome), whole) in row.drives.iter().zip(broken).zip(whole) {
         faults += drive.sensor_faults.len() + drive.encoder_faults.len();
         latencies_s.extend(found_s(drive, outcome));
         alarms += false_alarms(drive, outcome);
-        let ratio = outcome.ate_m / whole.ate_m;
+        let ratio = outcome.rms_m / whole.rms_m;
         ratios.push(ratio);
-        if ratio > 1.5 {
+        if outcome.is_worse_than(whole) {
+            worse += 1;
             shares.extend(outcome.covered(whole));
         }
         if std::env::var_os("VERBOSE").is_some() {
@@ -174,25 +176,30 @@ fn print_row(row: &Row, broken: &[Outcome], whole: &[Outcome]) {
             eprintln!("    {:?}", outcome.encoders.iter().map(words).collect::<Vec<_>>());
         }
     }
-    let above = ratios.iter().filter(|ratio| **ratio > 1.5).count();
-    let ates: Vec<f64> = broken.iter().map(|outcome| outcome.ate_m).collect();
+    let of = |error: fn(&Outcome) -> f64| broken.iter().map(error).collect::<Vec<f64>>();
     let said = if shares.is_empty() {
         "-".into()
     } else {
         format!("{:.2} / {:.2}", quantile(&shares, 0.0), quantile(&shares, 0.5))
     };
     println!(
-        "| {} | {} of {faults} | {:.1} / {:.1} | {:.3} | {:.2} / {:.2} / {:.2} | {above} of {} | {said} | {alarms} |",
+        "| {} | {} of {faults} | {:.1} / {:.1} | {:.3} | {} | {:.2} / {:.2} | {worse} of {} | {said} | {alarms} |",
         row.name,
         latencies_s.len(),
         quantile(&latencies_s, 0.5),
         quantile(&latencies_s, 0.9),
-        quantile(&ates, 0.5),
+        quantile(&of(|outcome| outcome.ate_m), 0.5),
+        quantiles(&of(|outcome| outcome.rms_m)),
         quantile(&ratios, 0.5),
         quantile(&ratios, 0.9),
-        quantile(&ratios, 1.0),
         broken.len(),
     );
+}
+
+/// Median, p90 and worst.
+fn quantiles(errors_m: &[f64]) -> String {
+    let [median, p90, worst] = [0.5, 0.9, 1.0].map(|share| quantile(errors_m, share));
+    format!("{median:.3} / {p90:.3} / {worst:.3}")
 }
 
 /// Seconds from each fault until it was told, of those that were.

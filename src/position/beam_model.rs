@@ -73,6 +73,8 @@ pub struct Sighting {
     pub oblique_rad: f64,
     /// True for a point beam, whose edge is its axis.
     pub is_sharp: bool,
+    /// Error of `depth_m` that comes from the beam's edge, standard deviation, metres.
+    pub edge_m: f64,
     /// Variance of `depth_m` for a known pose.
     pub variance: f64,
     /// Derivative of (expected − measured depth) by the robot's state.
@@ -142,6 +144,7 @@ pub fn sight(at: impl Into<Placement>, beam: &Beam) -> Option<Sighting> {
         along_m,
         oblique_rad,
         is_sharp,
+        edge_m,
         variance: (RANGE_SIGMA_M * cos).powi(2) + edge_m * edge_m,
         by_robot,
     })

@@ -3,6 +3,7 @@
 pub mod beam_model;
 pub mod filter;
 mod filter_memory;
+mod insistence;
 pub mod lock;
 pub mod nursery;
 pub mod paper_ekf;

@@ -2,6 +2,7 @@
 
 use super::beam_model::{Side, Sighting, sight};
 use super::filter::{Filter, MAX_WALLS, Measurement, ROBOT};
+use super::insistence::Insistence;
 use super::lock::LockWatch;
 use super::nursery::Nursery;
 use super::parking::Parking;
@@ -53,7 +54,16 @@ pub struct Tracker {
     seen: Vec<usize>,
     expected: Vec<Option<f64>>,
     pub(super) watch: LockWatch,
+    turns: Insistence,
     nis: f64,
+}
+
+/// What the walls say of the heading.
+struct Turn {
+    innovation_rad: f64,
+    variance: f64,
+    /// The beams that say it.
+    beams: usize,
 }
 
 /// Innovations farther out than this many standard deviations belong to something else.
@@ -67,6 +77,10 @@ const FIXED_SIGMA_M: f64 = 0.025;
 /// The same for a turn read off the walls, radians, and how far off a reading may be.
 const TURN_SIGMA_RAD: f64 = 0.3 * std::f64::consts::PI / 180.0;
 const TURN_GATE_SIGMA: f64 = 4.0;
+/// A turn that no more beams tell is the error of one of them if they insist on it.
+const FEW_BEAMS: usize = 3;
+/// What a beam's edge gets wrong it gets wrong for many sweeps: a wall heard only at edges is measured as if by one sweep of so many.
+const EDGE_SWEEPS: f64 = 10.0;
 /// A wall may be heard this far beyond where it has been seen.
 const MARGIN_M: f64 = 0.15;
 /// Sweeps that must have seen a wall before anything is expected of it.
@@ -92,6 +106,7 @@ impl Tracker {
             seen: Vec::new(),
             expected: Vec::new(),
             watch: LockWatch::default(),
+            turns: Insistence::default(),
             nis: f64::NAN,
         }
     }
@@ -178,8 +193,11 @@ impl Tracker {
         self.seen.sort_unstable();
         self.seen.dedup();
         let (mut nis_sum, mut seen) = (0.0, 0.0);
-        if let Some((innovation_rad, variance)) = self.turn() {
-            let distance = innovation_rad.powi(2) / (self.filter.pose_covariance()[(2, 2)] + variance);
+        if let Some(turn) = self.turn() {
+            let (innovation_rad, heading_variance) = (turn.innovation_rad, self.filter.pose_covariance()[(2, 2)]);
+            let factor = self.turns.weigh(innovation_rad / (heading_variance + turn.variance).sqrt());
+            let variance = if turn.beams <= FEW_BEAMS { turn.variance * factor } else { turn.variance };
+            let distance = innovation_rad.powi(2) / (heading_variance + variance);
             self.filter.learn_slip(distance);
             if distance < TURN_GATE_SIGMA * TURN_GATE_SIGMA {
                 nis_sum += distance;
@@ -246,10 +264,10 @@ impl Tracker {
     }
 
     /// What the beams say of the heading: on each wall, how their misfits grow with how they feel a turn.
-    fn turn(&self) -> Option<(f64, f64)> {
-        let (mut information, mut sum) = (0.0, 0.0);
+    fn turn(&self) -> Option<Turn> {
+        let (mut information, mut sum, mut beams) = (0.0, 0.0, 0);
         for &wall in &self.seen {
-            let (mut w, mut wh, mut whh, mut wz, mut whz) = (0.0, 0.0, 0.0, 0.0, 0.0);
+            let (mut w, mut wh, mut whh, mut wz, mut whz, mut count) = (0.0, 0.0, 0.0, 0.0, 0.0, 0);
             for (used, found) in self.uses.iter().zip(&self.matches) {
                 let (Use::Wall(sighting), true) = (used, *found == Some(wall)) else { continue };
                 let m = self.measure(sighting, wall);
@@ -259,18 +277,23 @@ impl Tracker {
                 whh += weight * h * h;
                 wz += weight * m.innovation;
                 whz += weight * h * m.innovation;
+                count += 1;
             }
-            if w > 0.0 {
+            // One beam says nothing of a turn.
+            if count > 1 {
+                beams += count;
                 information += whh - wh * wh / w;
                 sum += whz - wh * wz / w;
             }
         }
-        (information > 1.0).then(|| (sum / information, 1.0 / information + TURN_SIGMA_RAD * TURN_SIGMA_RAD))
+        let variance = 1.0 / information + TURN_SIGMA_RAD * TURN_SIGMA_RAD;
+        (information > 1.0).then(|| Turn { innovation_rad: sum / information, variance, beams })
     }
 
     /// All beams on one wall as one measurement at the pose as it is now.
     fn fuse(&mut self, sweep: &Sweep, wall: usize) -> Option<Measurement> {
-        let (mut weight, mut innovation, mut robot) = (0.0, 0.0, SVector::<f64, ROBOT>::zeros());
+        let (mut weight, mut innovation, mut edge) = (0.0, 0.0, 0.0);
+        let mut robot = SVector::<f64, ROBOT>::zeros();
         let place = Placement::from(self.filter.pose());
         for sensor in 0..self.matches.len() {
             if self.matches[sensor] != Some(wall) {
@@ -280,6 +303,7 @@ impl Tracker {
             let measurement = self.measure(&sighting, wall);
             weight += 1.0 / measurement.variance;
             innovation += measurement.innovation / measurement.variance;
+            edge += sighting.edge_m / measurement.variance;
             robot += measurement.robot / measurement.variance;
             if sighting.oblique_rad < 0.1 && !self.is_fixed {
                 let extent = &mut self.walls[wall];
@@ -291,7 +315,7 @@ impl Tracker {
             innovation: innovation / weight,
             robot: robot / weight,
             wall: (wall, self.walls[wall].side.sign()),
-            variance: 1.0 / weight + self.model_variance(),
+            variance: 1.0 / weight + self.model_variance() + EDGE_SWEEPS * (edge / weight).powi(2),
         })
     }
 

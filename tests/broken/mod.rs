@@ -42,8 +42,10 @@ pub(crate) struct Slip {
 /// What came of it.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Outcome {
-    /// Root mean square and greatest error of the position, aligned with the truth at the first pose only, metres.
+    /// Root mean square error of the position, aligned with the truth at the first pose only, metres.
     pub(crate) ate_m: f64,
+    /// Root mean square and greatest error of the position in the map frame as it is defined, along the building's walls, metres.
+    pub(crate) rms_m: f64,
     pub(crate) worst_m: f64,
     pub(crate) sweeps: Vec<Told>,
     pub(crate) faults: Vec<FaultEvent>,
@@ -54,18 +56,19 @@ pub(crate) struct Outcome {
 /// How far off a sweep's pose was, and what was said of it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Told {
-    /// Aligned with the truth at the first pose only, metres.
+    /// In the map frame as it is defined, which is what the pose and its covariance are of, metres.
     pub(crate) error_m: f64,
-    /// In the map frame as it is defined, along the building's walls, which is what the pose and its covariance are of, metres.
-    pub(crate) in_building_m: f64,
     /// Two standard deviations of the position, metres.
     pub(crate) two_sigma_m: f64,
     /// The pose was called uncertain.
     pub(crate) is_uncertain: bool,
 }
 
-/// Nobody minds less, metres.
+/// Errors that a drive with broken sensors may have, as a ratio to the whole drive's.
+pub(crate) const MOST_RATIO: f64 = 1.5;
+/// Nobody minds less: a sweep's error, and a drive's, which is the noise of one reading, metres.
 pub(crate) const LEAST_ERROR_M: f64 = 0.05;
+pub(crate) const LEAST_RMS_M: f64 = 0.02;
 
 impl Drive {
     /// The flat with 32 sensors.
@@ -132,20 +135,22 @@ impl Drive {
 impl Outcome {
     fn compare(&mut self, pairs: &[Pair<Estimate>]) {
         let Some(first) = pairs.first() else { return };
-        let frames = [first.truth * first.estimate.pose.inverse(), building_frame(first)];
-        let mut sum_m2 = 0.0;
+        let (from_first, from_building) = (first.truth * first.estimate.pose.inverse(), building_frame(first));
+        let (mut ate_m2, mut rms_m2) = (0.0, 0.0);
         for pair in pairs {
             let off_m = |frame: Pose2| ((frame * pair.estimate.pose).position() - pair.truth.position()).norm();
-            let [error_m, in_building_m] = frames.map(off_m);
+            let error_m = off_m(from_building);
             let cov = pair.estimate.covariance;
             let (mean, half) = (0.5 * (cov[(0, 0)] + cov[(1, 1)]), 0.5 * (cov[(0, 0)] - cov[(1, 1)]));
             let greatest = mean + libm::hypot(half, cov[(0, 1)]);
             let (two_sigma_m, is_uncertain) = (2.0 * greatest.sqrt(), self.is_uncertain(pair.at));
-            self.sweeps.push(Told { error_m, in_building_m, two_sigma_m, is_uncertain });
-            sum_m2 += error_m * error_m;
+            self.sweeps.push(Told { error_m, two_sigma_m, is_uncertain });
+            ate_m2 += off_m(from_first).powi(2);
+            rms_m2 += error_m * error_m;
             self.worst_m = self.worst_m.max(error_m);
         }
-        self.ate_m = (sum_m2 / pairs.len() as f64).sqrt();
+        self.ate_m = (ate_m2 / pairs.len() as f64).sqrt();
+        self.rms_m = (rms_m2 / pairs.len() as f64).sqrt();
     }
 
     /// Whether the lock's events call the pose of that time uncertain.
@@ -156,11 +161,16 @@ impl Outcome {
         ended || open.is_some_and(|lock| at >= lock.since)
     }
 
+    /// Whether the drive is worse than the faults excuse.
+    pub(crate) fn is_worse_than(&self, whole: &Self) -> bool {
+        self.rms_m > MOST_RATIO * whole.rms_m && self.rms_m > LEAST_RMS_M
+    }
+
     /// Of the sweeps that are farther off than 1.5 times the whole drive's greatest error, the share that say so; none where there are none.
     pub(crate) fn covered(&self, whole: &Self) -> Option<f64> {
-        let limit_m = (1.5 * whole.worst_m).max(LEAST_ERROR_M);
+        let limit_m = (MOST_RATIO * whole.worst_m).max(LEAST_ERROR_M);
         let off: Vec<_> = self.sweeps.iter().filter(|told| told.error_m > limit_m).collect();
-        let said = off.iter().filter(|told| told.is_uncertain || told.in_building_m <= told.two_sigma_m).count();
+        let said = off.iter().filter(|told| told.is_uncertain || told.error_m <= told.two_sigma_m).count();
         (!off.is_empty()).then(|| said as f64 / off.len() as f64)
     }
 }
