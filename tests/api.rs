@@ -8,11 +8,6 @@ mod served;
 use mock_port::{Board, Terminal};
 use serde_json::Value;
 use served::{Client, SOON, Served, get};
-use slamd::sim::fault::FaultMix;
-use slamd::sim::link::LinkFaults;
-use slamd::sim::simulation::{SimConfig, Simulation};
-use slamd::sim::sonar::BeamShape;
-use slamd::sim::world::World;
 use slamd_protocol::{PayloadBuf, encode_frame};
 use std::collections::BTreeMap;
 use std::io::{BufRead as _, BufReader, Write as _};
@@ -40,6 +35,36 @@ fn the_example_prints_poses() {
     python.wait().unwrap();
     assert_eq!(lines.len(), 5, "{lines:?}");
     assert!(lines.iter().all(|line| line.contains(" s: x ") && line.ends_with(" rad")), "{lines:?}");
+    served.daemon.end();
+}
+
+/// What `socat` and `jq` make of poses that are asked for at `at`, an address of socat's: five lines of three numbers.
+fn poses_by_jq(at: &str) -> Vec<f64> {
+    let piped = Stdio::piped;
+    let mut socat = Command::new("socat").args(["-", at]).stdin(piped()).stdout(piped()).spawn().unwrap();
+    let poses = "select(.class == \"POSE\") | [.time_s, .x_m, .theta_rad] | @tsv";
+    let lines = socat.stdout.take().unwrap();
+    let mut jq = Command::new("jq").args(["--unbuffered", "-r", poses]).stdin(lines).stdout(piped()).spawn().unwrap();
+    writeln!(socat.stdin.as_mut().unwrap(), "?WATCH={{\"pose_hz\":5}};").unwrap();
+    let lines = BufReader::new(jq.stdout.take().unwrap()).lines().take(5);
+    let lines: Vec<String> = lines.map_while(Result::ok).collect();
+    for mut program in [socat, jq] {
+        program.kill().unwrap();
+        program.wait().unwrap();
+    }
+    lines.iter().flat_map(|line| line.split_whitespace()).map(|number| number.parse().unwrap()).collect()
+}
+
+#[test]
+fn socat_and_jq_read_poses_over_tcp_and_the_socket() {
+    let mut served = Served::new(&["--listen", "127.0.0.1:0", "--socket", "api.sock"]);
+    let address = served.address();
+    let _board = served.plug_in(Board::robot(1));
+    for at in [format!("TCP:{address}"), format!("UNIX-CONNECT:{}", served.folder.path().join("api.sock").display())] {
+        let numbers = poses_by_jq(&at);
+        assert_eq!(numbers.len(), 15, "{numbers:?}");
+        assert!(numbers.chunks(3).zip(numbers.chunks(3).skip(1)).all(|(a, b)| a[0] < b[0]), "{numbers:?}");
+    }
     served.daemon.end();
 }
 
@@ -79,10 +104,7 @@ fn every_field_of_every_report_is_documented_and_the_reverse() {
     assert_eq!(address, "api.sock");
     let socket = served.folder.path().join(&address);
     assert_eq!(std::fs::metadata(&socket).unwrap().permissions().mode() & 0o777, 0o600);
-    let world = World::named("flat").unwrap();
-    let faults = vec!["3:missing".parse().unwrap()];
-    let config = SimConfig { world, faults, ..robot() };
-    let _board = served.plug_in(Board::Robot(Box::new(Simulation::new(config))));
+    let _board = served.plug_in(Board::broken(1, &["3:missing"]));
     let mut stream = UnixStream::connect(&socket).unwrap();
     stream.set_read_timeout(Some(Duration::from_secs(25))).unwrap();
     writeln!(stream, "?WATCH={{\"pose_hz\":1,\"sweep_hz\":1,\"map_hz\":1,\"stats_hz\":1}};\n?NONSENSE;").unwrap();
@@ -108,21 +130,6 @@ fn every_field_of_every_report_is_documented_and_the_reverse() {
     drop(stream);
     served.daemon.end();
     assert!(!socket.exists(), "the socket goes with its program");
-}
-
-fn robot() -> SimConfig {
-    SimConfig {
-        world: World::named("flat").unwrap(),
-        seed: 1,
-        duration_s: 36_000.0,
-        mix: FaultMix::None,
-        faults: Vec::new(),
-        beam: BeamShape::Cone,
-        sensors: 32,
-        odometry_errors: 1.0,
-        clock_drift_ppm: 300.0,
-        link: LinkFaults::default(),
-    }
 }
 
 /// The picture is what the fields say, and has the greys of `map.pgm`.

@@ -109,7 +109,7 @@ pub const PROMISES: [Promise; 31] = [
     promise("Healthy sensors stay trusted.", "faults", "healthy_sensors_stay_trusted", None),
     promise("A slip of the wheels is noticed, told and mended.", "lock", "a_slip_is_noticed_told_and_mended", None),
     promise(
-        "Eight of 32 sensors that break on the way, in all kinds, cost less than half as much again.",
+        "Eight of 32 sensors that break, in all kinds, cost less than half as much again.",
         "sensor_faults",
         "a_side_of_missing_sensors_and_eight_of_all_kinds_cost_little",
         None,

@@ -9,6 +9,7 @@ use slamd::config::{Config, ConfigError};
 use slamd::event::{Event, Input, Output};
 use slamd::geometry::Pose2;
 use slamd::pipeline::Pipeline;
+use slamd::source::clock::SessionClock;
 use slamd::time::Timestamp;
 use std::io::Read;
 use std::path::Path;
@@ -42,15 +43,12 @@ pub struct Player<R: Read> {
     first: Option<Record>,
     session: SessionId,
     pipeline: Pipeline,
-    now: Timestamp,
+    clock: SessionClock,
     /// Records played, and one for the end.
     seq: u64,
     start: Option<Pose2>,
     is_over: bool,
 }
-
-/// As slamd's own session has it: deadlines that passed longer ago are not made up for.
-const MOST_SILENCE_US: u64 = 60_000_000;
 
 impl<R: Read> Player<R> {
     /// Begins to play; `path` is the capture's name in errors. Waits for the first record where the reader does.
@@ -67,7 +65,7 @@ impl<R: Read> Player<R> {
             capture,
             first: Some(first),
             pipeline,
-            now: Timestamp::default(),
+            clock: SessionClock::default(),
             seq: 0,
             start: None,
             is_over: false,
@@ -83,7 +81,7 @@ impl<R: Read> Player<R> {
     /// Session time.
     #[must_use]
     pub const fn now(&self) -> Timestamp {
-        self.now
+        self.clock.now()
     }
 
     /// How far the map is: see [`Grid::seq`].
@@ -149,17 +147,11 @@ impl<R: Read> Player<R> {
 
     /// Handles the deadlines up to `at`, each at its own time.
     fn run_until(&mut self, at: Timestamp) -> Timestamp {
-        let at = at.max(self.now);
-        self.now = self.now.max(Timestamp::from_us(at.us().saturating_sub(MOST_SILENCE_US)));
-        loop {
-            let deadline = self.pipeline.next_deadline().max(self.now);
-            if deadline > at {
-                self.now = at;
-                return at;
-            }
-            self.now = deadline;
+        let at = self.clock.approach(at);
+        while let Some(deadline) = self.clock.due(at, self.pipeline.next_deadline()) {
             self.pipeline.handle(Input::Tick { at: deadline });
         }
+        at
     }
 
     fn report(&mut self, each: &mut impl FnMut(Report)) {

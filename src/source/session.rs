@@ -3,6 +3,7 @@
 //! Before any input at time t, every deadline up to t is handled at the deadline's own time. So what the pipeline sees
 //! depends on what was read and written and when, never on when a timer fired: a recording replays bit for bit.
 
+use super::clock::SessionClock;
 use crate::config::Config;
 use crate::event::{
     EncoderState, Estimate, Event, FaultEvent, Input, LockChange, LockEvent, Output, PositionEvent, SensorState, Wheel,
@@ -56,7 +57,7 @@ pub struct Session {
     estimate: Option<Estimate>,
     /// Whether the last input brought a pose.
     has_posed: bool,
-    now: Timestamp,
+    clock: SessionClock,
     watcher: Option<Watcher>,
 }
 
@@ -78,7 +79,7 @@ impl Session {
             encoders: [EncoderState::Healthy; 2],
             estimate: None,
             has_posed: false,
-            now: Timestamp::default(),
+            clock: SessionClock::default(),
             watcher: None,
         })
     }
@@ -167,18 +168,11 @@ impl Session {
 
     /// Handles the deadlines up to `at`; gives `at`, or the last input's time where that is later.
     pub fn run_until(&mut self, at: Timestamp) -> Timestamp {
-        let at = at.max(self.now);
-        // Where nothing was heard or said for longer, because no port was there, more questions would change nothing.
-        self.now = self.now.max(Timestamp::from_us(at.us().saturating_sub(MOST_SILENCE_US)));
-        loop {
-            let deadline = self.pipeline.next_deadline().max(self.now);
-            if deadline > at {
-                self.now = at;
-                return at;
-            }
-            self.now = deadline;
+        let at = self.clock.approach(at);
+        while let Some(deadline) = self.clock.due(at, self.pipeline.next_deadline()) {
             self.handle(Input::Tick { at: deadline });
         }
+        at
     }
 
     /// Nothing more will come: what waits in the pipeline is used.
@@ -242,7 +236,7 @@ impl Session {
     /// Session time: that of the last input.
     #[must_use]
     pub fn now(&self) -> Timestamp {
-        self.now
+        self.clock.now()
     }
 
     /// The effective configuration.
@@ -302,7 +296,7 @@ impl Session {
 
     fn show(&mut self, sight: Sight<'_>, took: Duration) {
         if let Some(watcher) = &mut self.watcher {
-            watcher(&Scene { pipeline: &self.pipeline, now: self.now, took }, sight);
+            watcher(&Scene { pipeline: &self.pipeline, now: self.clock.now(), took }, sight);
         }
     }
 
@@ -344,16 +338,13 @@ impl Session {
             }
             Event::Estimate(estimate) => {
                 if self.estimate.is_none() {
-                    tracing::info!("poses and map begin after {:.0} s", self.now.seconds());
+                    tracing::info!("poses and map begin after {:.0} s", self.clock.now().seconds());
                 }
                 self.estimate = Some(estimate);
             }
         }
     }
 }
-
-/// Deadlines that passed longer ago than this are not made up for: a damaged time must not cost hours.
-const MOST_SILENCE_US: u64 = 60_000_000;
 
 /// The robot's hold on its map, in words.
 fn lock_line(lock: &LockEvent) {
