@@ -4,6 +4,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
+mod python;
+
+use python::run;
 use slamd::capture::CaptureReader;
 use slamd::config::Config;
 use slamd::geometry::Pose2;
@@ -39,21 +42,7 @@ print(position['rmse'], position['max'], statistics(APE(PoseRelation.rotation_an
 
 /// Python with evo.
 fn python() -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("evo");
-    let python = folder.join("bin/python");
-    let is_there = Command::new(&python).args(["-c", "import evo"]).env("HOME", &folder).output();
-    if !is_there.is_ok_and(|output| output.status.success()) {
-        run(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&folder), "is python3-venv installed?");
-        let mut install = Command::new(&python);
-        run(install.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", EVO]), "is PyPI in reach?");
-    }
-    python
-}
-
-fn run(command: &mut Command, hint: &str) -> String {
-    let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}; {hint}"));
-    assert!(output.status.success(), "{command:?}: {}; {hint}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
+    python::python("evo", "evo", &[EVO])
 }
 
 /// What evo says of two files, in the order of [`SCRIPT`].

@@ -6,6 +6,8 @@
 #![cfg(feature = "manual")]
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
+mod python;
+
 use slamd::config::{Config, Shape, schema, values};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -110,17 +112,7 @@ print(json.dumps([validator.is_valid(tomllib.loads(text)) for text in given['tex
 
 /// Python with an implementation of JSON Schema that is not ours.
 fn python() -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("jsonschema");
-    let python = folder.join("bin/python");
-    let is_there = Command::new(&python).args(["-c", "import jsonschema, tomllib"]).output();
-    if !is_there.is_ok_and(|output| output.status.success()) {
-        let made = Command::new("python3").args(["-m", "venv", "--clear"]).arg(&folder).status().unwrap();
-        assert!(made.success(), "is python3-venv installed?");
-        let mut install = Command::new(&python);
-        install.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", JSONSCHEMA]);
-        assert!(install.status().unwrap().success(), "is PyPI in reach?");
-    }
-    python
+    python::python("jsonschema", "jsonschema, tomllib", &[JSONSCHEMA])
 }
 
 /// The committed configurations.

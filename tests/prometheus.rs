@@ -5,11 +5,12 @@
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
 mod mock_port;
+mod python;
 mod served;
 
 use mock_port::Board;
 use served::{SOON, Served, get};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Command;
 
 const PROMETHEUS: &str = "prometheus_client==0.22.1";
@@ -27,17 +28,7 @@ for family in families:
 
 /// Python with Prometheus' client library.
 fn python() -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("prometheus");
-    let python = folder.join("bin/python");
-    let is_there = Command::new(&python).args(["-c", "import prometheus_client"]).output();
-    if !is_there.is_ok_and(|output| output.status.success()) {
-        let made = Command::new("python3").args(["-m", "venv", "--clear"]).arg(&folder).status().unwrap();
-        assert!(made.success(), "is python3-venv installed?");
-        let mut install = Command::new(&python);
-        install.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", PROMETHEUS]);
-        assert!(install.status().unwrap().success(), "is PyPI in reach?");
-    }
-    python
+    python::python("prometheus", "prometheus_client", &[PROMETHEUS])
 }
 
 #[test]

@@ -5,6 +5,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
+mod python;
+
 use serde_json::Value;
 use slamd::capture::{CaptureInfo, CaptureReader, CaptureWriter, Record};
 use slamd::geometry::Pose2;
@@ -77,17 +79,7 @@ fn slamd(folder: &Path, arguments: &[&str]) -> Command {
 
 /// Python with both readers.
 fn python() -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("ros2");
-    let python = folder.join("bin/python");
-    let is_there = Command::new(&python).args(["-c", "import mcap_ros2, rosbags, PIL, yaml"]).output();
-    if !is_there.is_ok_and(|output| output.status.success()) {
-        let made = Command::new("python3").args(["-m", "venv", "--clear"]).arg(&folder).status().unwrap();
-        assert!(made.success(), "is python3-venv installed?");
-        let mut install = Command::new(&python);
-        install.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check"]).args(PACKAGES);
-        assert!(install.status().unwrap().success(), "is PyPI in reach?");
-    }
-    python
+    python::python("ros2", "mcap_ros2, rosbags, PIL, yaml", &PACKAGES)
 }
 
 /// What a script of `tests/exported` says.

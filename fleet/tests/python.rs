@@ -3,30 +3,17 @@
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
 mod drives;
+#[path = "../../tests/python/mod.rs"]
+mod python;
 
 use drives::Drive;
 use std::net::TcpListener;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
 const ZENOH: &str = "eclipse-zenoh==1.10.2";
 /// Half a minute of the robot's time: then there is a map.
 const POSES: &str = "300";
-
-/// Python with Zenoh.
-fn python() -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("zenoh");
-    let python = folder.join("bin/python");
-    let is_there = Command::new(&python).args(["-c", "import zenoh"]).output();
-    if !is_there.is_ok_and(|output| output.status.success()) {
-        let made = Command::new("python3").args(["-m", "venv", "--clear"]).arg(&folder).status().unwrap();
-        assert!(made.success(), "is python3-venv installed?");
-        let mut install = Command::new(&python);
-        install.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", ZENOH]);
-        assert!(install.status().unwrap().success(), "is PyPI in reach?");
-    }
-    python
-}
 
 /// A program that ends with the test.
 struct Running(Child);
@@ -46,7 +33,7 @@ fn fleet(arguments: &[&str], folder: &Path) -> Running {
 
 #[test]
 fn zenohs_own_python_hears_poses_and_fetches_the_map() {
-    let python = python();
+    let python = python::python("zenoh", "zenoh", &[ZENOH]);
     let folder = tempfile::tempdir().unwrap();
     Drive { world: "flat", seed: 1, seconds: 120.0, at: None }.write(&folder.path().join("a.mcap"));
     std::fs::write(folder.path().join("fleet.toml"), "[robots.a]\n").unwrap();
