@@ -76,7 +76,7 @@ fn part(drive: &mut Drive, sweeps: u64, hours: f64, heap_bytes: i64) -> Part {
 
 /// Cells of the map that something is known of, square metres.
 fn explored_m2(drive: &Drive) -> f64 {
-    let Some(memory) = drive.pipeline.memory() else { return 0.0 };
+    let Some(memory) = drive.pipeline.saved_state() else { return 0.0 };
     let known = memory.map.tiles.iter().flat_map(|tile| &tile.log_odds).filter(|value| **value != 0).count();
     known as f64 * memory.map.cell_m * memory.map.cell_m
 }

@@ -173,7 +173,7 @@ fn main() {
          the committed captures (`cargo bench --bench instructions`), the gate in CI: 5 % more than `benches/instructions.toml` fails. Stages run \
          alone, on every sweep; in the pipeline the axis is sought only while the heading is in doubt, and a beam clears its cone in one sweep of \
          eight.\n\n{counts}\n## Times\n\n{}\n## Latency\n\nFrom the last byte read to the pose written and shown, at a pseudo-terminal (`cargo bench --bench \
-         latency`). The greatest is of the beginning: the axis is found, and the way back through the first sweeps is taken at once.\n\n{}\n## Memory\n\n{}\n## \
+         latency`). The greatest is of the beginning: the axis is found, and the way back through the first sweeps is taken at once.\n\n{}\n## SavedState\n\n{}\n## \
          Growth\n\nLaps through buildings of corridors (`cargo bench --bench growth`).\n\n![Time of a sweep and heap over hours](growth.png)\n{}",
         machine::cpu(),
         peers(),

@@ -26,9 +26,9 @@ use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-const MOST_KIB_PER_HOUR: f64 = 10.0;
+const MAX_KIB_PER_HOUR: f64 = 10.0;
 /// From so long a real run on its memory is judged.
-const LEAST_MINUTES: f64 = 30.0;
+const MIN_MINUTES: f64 = 30.0;
 const SWEEPS_PER_HOUR: f64 = 36_000.0;
 /// Looks at the memory in a drive.
 const LOOKS: u32 = 60;
@@ -119,7 +119,8 @@ fn main() {
     });
     bar.finish_and_clear();
     let (laps_slope, lap_h, counters) = (slope_kib_per_hour(&looks), first.lap_h(), first.pipeline.counters());
-    let same_laps = first.pipeline.memory() == second.pipeline.memory() && first.pipeline.memory().is_some();
+    let same_laps =
+        first.pipeline.saved_state() == second.pipeline.saved_state() && first.pipeline.saved_state().is_some();
     let (live, replayed, slope) = real(minutes);
     let key = |key: &str| live[key].as_u64().unwrap_or(u64::MAX);
     let same = ["map_sha256", "trajectory_sha256"].iter().all(|key| live[key] == replayed[key] && !live[key].is_null());
@@ -138,6 +139,6 @@ fn main() {
     assert!(same && same_laps, "the same traffic has made another map");
     assert!(key("dropped") == 0 && counters.dropped_sweeps == 0, "sweeps were dropped");
     // A shorter run has explored, and grown, to its end.
-    let slope = if minutes < LEAST_MINUTES { 0.0 } else { slope };
-    assert!(laps_slope.max(slope) < MOST_KIB_PER_HOUR, "memory grows");
+    let slope = if minutes < MIN_MINUTES { 0.0 } else { slope };
+    assert!(laps_slope.max(slope) < MAX_KIB_PER_HOUR, "memory grows");
 }

@@ -8,9 +8,9 @@ use crate::geometry::{Mounting, Pose2, Ring};
 use slamd_protocol::{Geometry, Hello, MAX_ECHOES};
 
 /// No wheel has more encoder ticks per turn, and no robot is larger.
-const MOST_TICKS: u32 = 10_000_000;
-const MOST_MM: u16 = 2_000;
-const MOST_HALF_ANGLE_CDEG: u16 = 6_000;
+const MAX_TICKS: u32 = 10_000_000;
+const MAX_MM: u16 = 2_000;
+const MAX_HALF_ANGLE_CDEG: u16 = 6_000;
 
 /// The board as far as it is known.
 #[derive(Clone, Debug, Default)]
@@ -57,9 +57,9 @@ impl Board {
                 "the board says it has {sensors} sensors, which must be 1 to {MAX_ECHOES}: correct its setting `sensors`"
             ));
         }
-        if hello.ticks_per_turn > MOST_TICKS {
+        if hello.ticks_per_turn > MAX_TICKS {
             return Err(format!(
-                "the board says {} encoder ticks per turn, which must be 1 to {MOST_TICKS}: set robot.ticks_per_turn",
+                "the board says {} encoder ticks per turn, which must be 1 to {MAX_TICKS}: set robot.ticks_per_turn",
                 hello.ticks_per_turn
             ));
         }
@@ -99,9 +99,9 @@ impl Board {
         }
         for (sensor, place) in (usize::from(geometry.first())..).zip(geometry.placements()) {
             let far_mm = place.x_mm.unsigned_abs().max(place.y_mm.unsigned_abs());
-            if far_mm > MOST_MM || place.half_angle_cdeg > MOST_HALF_ANGLE_CDEG {
+            if far_mm > MAX_MM || place.half_angle_cdeg > MAX_HALF_ANGLE_CDEG {
                 return Err(format!(
-                    "the board says sensor {sensor} sits at {} mm, {} mm with a half angle of {} degrees, which must be within {MOST_MM} mm and 60 degrees: correct the board's settings, or name [ring.circle] in the robot's configuration",
+                    "the board says sensor {sensor} sits at {} mm, {} mm with a half angle of {} degrees, which must be within {MAX_MM} mm and 60 degrees: correct the board's settings, or name [ring.circle] in the robot's configuration",
                     place.x_mm,
                     place.y_mm,
                     f64::from(place.half_angle_cdeg) * 1e-2,

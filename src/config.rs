@@ -212,7 +212,7 @@ const fn one() -> u8 {
 }
 
 /// Most sensors a ring may have: a `SONAR` message holds no more.
-pub const MAX_SENSORS: usize = keys::MOST_SENSORS as usize;
+pub const MAX_SENSORS: usize = keys::MAX_SENSORS as usize;
 
 impl Config {
     /// Reads a TOML text.

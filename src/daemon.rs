@@ -4,7 +4,7 @@ use crate::link::{Link, LinkState, Remedy};
 use crate::port::{self, PortName, Trouble};
 use crate::recorder::{Chunk, Recorder};
 use crate::session_file::Saver;
-use crate::source::live::Line;
+use crate::source::live::LiveSession;
 use crate::source::session::Session;
 use crate::time::Timestamp;
 use bytes::Bytes;
@@ -234,7 +234,7 @@ pub async fn run(
 ) {
     let Live { clock, session, recorder, saver } = live;
     let now = || clock.now();
-    let mut line = Line::begin(port.name.clone(), now(), link, session);
+    let mut line = LiveSession::begin(port.name.clone(), now(), link, session);
     let mut statistics = Timestamp::default() + STATISTICS;
     loop {
         let (link, session) = line.parts();
@@ -268,7 +268,7 @@ pub async fn run(
         record(recorder, chunk);
         if let Some(saver) = saver {
             let (_, session) = line.parts();
-            saver.tick(session.now(), || session.memory());
+            saver.tick(session.now(), || session.saved_state());
         }
         if recorder.as_mut().is_some_and(Recorder::take_new_part) {
             line.introduce();

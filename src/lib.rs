@@ -12,7 +12,7 @@ pub mod sweep;
 pub mod time;
 
 pub mod config;
-pub mod memory;
+pub mod saved_state;
 
 pub mod align;
 pub mod board;
@@ -28,7 +28,7 @@ pub mod position;
 
 pub mod localize;
 pub mod paper;
-pub mod walls;
+pub mod wall_slam;
 
 pub mod pipeline;
 

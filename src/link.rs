@@ -117,7 +117,7 @@ const RESTARTS: usize = 3;
 const RESTARTS_WITHIN_S: f64 = 30.0;
 /// Bytes kept to tell text from noise, and how many it takes.
 const SAMPLE: usize = 96;
-const LEAST_TEXT: usize = 24;
+const MIN_TEXT: usize = 24;
 
 /// The line to the board.
 #[derive(Clone, Debug)]
@@ -352,7 +352,7 @@ impl Link {
     fn text(&self) -> Option<String> {
         let is_text = |byte: &u8| (b' '..=b'~').contains(byte) || matches!(byte, b'\r' | b'\n' | b'\t');
         let printed = self.sample.iter().filter(|byte| is_text(byte)).count();
-        if self.sample.len() < LEAST_TEXT || printed * 20 < self.sample.len() * 19 {
+        if self.sample.len() < MIN_TEXT || printed * 20 < self.sample.len() * 19 {
             return None;
         }
         let text: String = self.sample.iter().copied().filter(is_text).map(char::from).collect();

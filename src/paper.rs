@@ -6,7 +6,7 @@
 //! in: the measurement model in [`paper_ekf`](crate::position::paper_ekf), free space in
 //! [`binary_grid`](crate::mapping::binary_grid), two more faults in [`paper_detector`](crate::fault::paper_detector).
 
-mod insight;
+mod introspection;
 
 use crate::config::Config;
 use crate::event::{Estimate, Event, SensorState};

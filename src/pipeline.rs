@@ -6,14 +6,14 @@
 //! written and which deadline has come; [`Pipeline::poll_output`] gives what to write and what has happened. Drain it before
 //! the next input. The same inputs give the same outputs, so a recorded session replays bit for bit.
 //!
-//! The steps from the sweep on are those of the chosen method: [`crate::walls`] or [`crate::paper`].
+//! The steps from the sweep on are those of the chosen method: [`crate::wall_slam`] or [`crate::paper`].
 
 #![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
 #![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
 #![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
 
 mod estimator;
-mod insight;
+mod introspection;
 
 pub use estimator::Start;
 
@@ -25,7 +25,7 @@ use crate::conversation::{Conversation, Trust};
 use crate::event::{Calibration, Counters, Event, Input, Output, SensorState};
 use crate::geometry::Ring;
 use crate::mapping::raster::Raster;
-use crate::memory::{Impossible, Memory};
+use crate::saved_state::{InvalidState, SavedState};
 use crate::sweep::Sweep;
 use crate::time::Timestamp;
 use bytes::Bytes;
@@ -59,7 +59,7 @@ impl Pipeline {
     ///
     /// # Errors
     /// Where the memory holds what cannot be, or the configured method cannot use it.
-    pub fn begin(config: &Config, start: Start) -> Result<Self, Impossible> {
+    pub fn begin(config: &Config, start: Start) -> Result<Self, InvalidState> {
         // The ring may become known later; whether the memory can be used is said now.
         Estimator::new(config, &Ring::default(), &start)?;
         Ok(Self::start(config, start))
@@ -174,8 +174,8 @@ impl Pipeline {
 
     /// Everything worth remembering; none before there is something, nor where a known map is not to be changed.
     #[must_use]
-    pub fn memory(&self) -> Option<Memory> {
-        self.estimator.as_ref()?.memory()
+    pub fn saved_state(&self) -> Option<SavedState> {
+        self.estimator.as_ref()?.saved_state()
     }
 
     /// Normalised innovation squared of the last sweep, per wall seen: 1 on the mean for a consistent filter. NaN where it saw no wall;

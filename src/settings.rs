@@ -29,7 +29,7 @@ enum Step {
 }
 
 /// Questions without an answer before a setting is given up.
-const MOST_ASKED: u8 = 20;
+const MAX_ASKED: u8 = 20;
 
 impl Settings {
     /// Settings wanted; none asks nothing.
@@ -62,7 +62,7 @@ impl Settings {
     pub fn asked(&mut self) -> Option<String> {
         let wanted = self.current()?;
         wanted.asked += 1;
-        (wanted.asked > MOST_ASKED).then(|| {
+        (wanted.asked > MAX_ASKED).then(|| {
             wanted.next = Step::Done;
             format!("the board does not answer for board.{}: update its firmware", wanted.setting.name())
         })

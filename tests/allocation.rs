@@ -44,7 +44,7 @@ fn cause(pipeline: &mut Pipeline, input: Input<'_>) -> Caused {
 
 /// Tiles of the map and walls, as far as the method remembers them.
 fn kept(pipeline: &Pipeline) -> usize {
-    pipeline.memory().map_or(0, |memory| memory.map.tiles.len() + memory.walls.len() + memory.parked.len())
+    pipeline.saved_state().map_or(0, |memory| memory.map.tiles.len() + memory.walls.len() + memory.inactive.len())
 }
 
 /// Replays a committed capture; gives the sweeps after the warm-up and complaints about those that allocated without a reason.

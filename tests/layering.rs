@@ -123,7 +123,7 @@ const WORLD: &[&str] = &[
     "SystemTime",
     "rand::",
 ];
-const MOST_LINES: usize = 400;
+const MAX_LINES: usize = 400;
 
 fn sources(folder: &Path, into: &mut Vec<PathBuf>) {
     for entry in std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
@@ -191,8 +191,8 @@ fn every_module_keeps_to_the_table() {
         let inside = path.strip_prefix(&root).unwrap();
         let module = inside.iter().next().unwrap().to_str().unwrap().trim_end_matches(".rs");
         let text = std::fs::read_to_string(path).unwrap();
-        if text.lines().count() > MOST_LINES {
-            found.push(format!("{}: more than {MOST_LINES} lines", path.display()));
+        if text.lines().count() > MAX_LINES {
+            found.push(format!("{}: more than {MAX_LINES} lines", path.display()));
         }
         if module != "lib" && module != "main" {
             found.extend(complaints(module, inside, &text));

@@ -62,7 +62,7 @@ fn the_second_half_goes_on_where_the_first_ended() {
     for record in records.iter().take_while(|record| record.at().seconds() <= HALF_S) {
         first.take(&mut before, record, false);
     }
-    let memory = before.memory().unwrap();
+    let memory = before.saved_state().unwrap();
     let bytes = session_file::encode(&memory);
     let memory = session_file::decode(&bytes).unwrap();
     assert_eq!(session_file::encode(&memory), bytes, "a round trip changes nothing");
@@ -94,7 +94,7 @@ fn a_paper_run_refuses_a_memory() {
         nothing.take(&mut pipeline, &record, false);
     }
     let config = Config { method: slamd::config::Method::Paper, ..Config::default() };
-    let memory = Box::new(pipeline.memory().unwrap());
+    let memory = Box::new(pipeline.saved_state().unwrap());
     let error = Pipeline::begin(&config, Start::Resume(memory.clone())).unwrap_err();
     assert!(error.to_string().contains("paper"), "{error}");
     let mut bent = memory;

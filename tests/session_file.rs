@@ -3,13 +3,15 @@
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
 use slamd::event::{Calibration, FaultKind, SensorState};
-use slamd::memory::{FilterMemory, MapMemory, Memory, ParkedMemory, SensorMemory, TileMemory, WallMemory};
+use slamd::saved_state::{
+    FilterState, InactiveLandmarkState, LandmarkState, MapState, SavedState, SensorHistory, TileState,
+};
 use slamd::session_file::{HEADER, SessionFileError, decode, encode, read, write};
 
-fn memory() -> Memory {
-    let wall = WallMemory { side: 2, lo_m: -1.5, hi_m: 0.1 + 0.2, hits: 77 };
-    Memory {
-        filter: FilterMemory {
+fn saved_state() -> SavedState {
+    let wall = LandmarkState { side: 2, lo_m: -1.5, hi_m: 0.1 + 0.2, hits: 77 };
+    SavedState {
+        filter: FilterState {
             robot: vec![0.1, -2.0, 3.1, 0.004, -0.01],
             offsets_m: vec![1.25],
             covariance: (0..21).map(|i| 1e-3 * f64::from(i)).collect(),
@@ -21,19 +23,19 @@ fn memory() -> Memory {
             },
         },
         walls: vec![wall],
-        parked: vec![ParkedMemory { wall, offset_m: 9.0, variance: 4e-4 }],
-        map: MapMemory {
+        inactive: vec![InactiveLandmarkState { wall, offset_m: 9.0, variance: 4e-4 }],
+        map: MapState {
             cell_m: 0.05,
-            tiles: vec![TileMemory {
+            tiles: vec![TileState {
                 column: -3,
                 row: 7,
                 log_odds: (-320..400).map(|v: i16| v).chain([0; 304]).collect(),
-                facing: (0..32).map(|row| [1 << row, 0x8000_0001]).collect(),
+                normal: (0..32).map(|row| [1 << row, 0x8000_0001]).collect(),
             }],
         },
         sensors: vec![
-            SensorMemory { state: SensorState::Healthy, relapses: 0.25 },
-            SensorMemory { state: SensorState::Faulty(FaultKind::Noisy), relapses: 2.0 },
+            SensorHistory { state: SensorState::Healthy, recurrences: 0.25 },
+            SensorHistory { state: SensorState::Faulty(FaultKind::Noisy), recurrences: 2.0 },
         ],
     }
 }
@@ -42,14 +44,14 @@ fn memory() -> Memory {
 fn what_is_written_is_read() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("flat.session");
-    write(&path, &memory()).unwrap();
-    assert_eq!(read(&path).unwrap(), memory());
+    write(&path, &saved_state()).unwrap();
+    assert_eq!(read(&path).unwrap(), saved_state());
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "no other file is left behind");
 }
 
 #[test]
 fn each_damage_is_named() {
-    let good = encode(&memory());
+    let good = encode(&saved_state());
     let error = |change: &dyn Fn(&mut Vec<u8>)| {
         let mut bytes = good.clone();
         change(&mut bytes);
@@ -85,7 +87,7 @@ fn resealed(mut bytes: Vec<u8>) -> Vec<u8> {
 
 #[test]
 fn a_length_is_not_trusted() {
-    let mut bytes = encode(&memory());
+    let mut bytes = encode(&saved_state());
     // The first field is a list: make its length 2^63.
     bytes.splice(HEADER..=HEADER, [0x80, 0x80, 0x80, 0x80, 0x80, 0x80, 0x80, 0x80, 0x80, 0x01]);
     let error = decode(&resealed(bytes)).unwrap_err();
@@ -94,7 +96,7 @@ fn a_length_is_not_trusted() {
 
 #[test]
 fn no_mutation_panics() {
-    let good = encode(&memory());
+    let good = encode(&saved_state());
     let mut random = 0x1234_5678_9ABC_DEF1_u64;
     let mut next = |below: usize| {
         random ^= random << 13;
@@ -123,7 +125,7 @@ fn no_mutation_panics() {
             Ok(memory) => {
                 // What no session holds is refused by the stages, in words.
                 let ring = slamd::geometry::Ring::default();
-                let _ = slamd::walls::Walls::resume(&slamd::config::Config::default(), &ring, &memory);
+                let _ = slamd::wall_slam::WallSlam::resume(&slamd::config::Config::default(), &ring, &memory);
                 read += 1;
             }
             Err(error) => {

@@ -9,7 +9,7 @@ const UNIT: &str = include_str!("../configs/systemd/slamd.service");
 /// Where the unit expects the program: wherever systemd finds it, /usr/local/bin before /usr/bin.
 const PROGRAM: &str = "ExecStart=slamd ";
 /// Tenths of systemd's measure of exposure, from 0 to 100. What is left: serial ports, their group, and sockets in a network of its own.
-const MOST_EXPOSED: &str = "15";
+const MAX_EXPOSED: &str = "15";
 
 /// What `systemd-analyze` says of a unit whose program is there; none where there is no systemd.
 fn analyze(unit: &str, arguments: &[&str]) -> Option<Output> {
@@ -45,7 +45,7 @@ fn systemd_understands_every_line() {
 
 #[test]
 fn little_is_left_open() {
-    let arguments = ["security", "--offline=true", "--no-pager", &format!("--threshold={MOST_EXPOSED}")];
+    let arguments = ["security", "--offline=true", "--no-pager", &format!("--threshold={MAX_EXPOSED}")];
     let Some(output) = analyze(UNIT, &arguments) else { return };
     let report = String::from_utf8_lossy(&output.stdout);
     println!("{}", report.lines().last().unwrap_or_default());

@@ -28,7 +28,7 @@ const SIZE: &str = "1600x900";
 /// A process that is told to end is gone within this.
 const END: Duration = Duration::from_secs(2);
 /// What a session with a viewer may take at most, KiB.
-const MOST_KIB: u64 = 300_000;
+const MAX_KIB: u64 = 300_000;
 /// Viewers on a software rasteriser want the machine for themselves.
 static MACHINE: Mutex<()> = Mutex::new(());
 
@@ -113,7 +113,7 @@ fn live(folder: &Path, viewers: &[String]) -> (Plugged, Daemon) {
 #[expect(clippy::disallowed_methods, reason = "the test measures in real time")]
 fn end(daemon: Daemon) {
     let resident = daemon.resident_kib();
-    assert!(resident < MOST_KIB, "{resident} KiB");
+    assert!(resident < MAX_KIB, "{resident} KiB");
     let begin = Instant::now();
     daemon.end();
     let elapsed = begin.elapsed();

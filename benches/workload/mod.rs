@@ -1,6 +1,6 @@
 //! What the benches of the stages run: a committed capture, taken apart once, and each stage fed with what it gets in the pipeline.
 
-#![allow(dead_code, unreachable_pub, reason = "each bench uses its part")]
+#![allow(dead_code, unreachable_pub, reason = "each bench associations its part")]
 
 use slamd::align::Aligner;
 use slamd::align::track::Wheels;
@@ -10,11 +10,11 @@ use slamd::event::{Estimate, Event, Input, Output};
 use slamd::fault::detector::Detector;
 use slamd::fault::pca::PcaBlock;
 use slamd::geometry::Ring;
-use slamd::mapping::cone::{self, Target};
+use slamd::mapping::cone::{self, ReturnKind};
 use slamd::mapping::grid::OccupancyGrid;
-use slamd::orientation::axis::AxisFinder;
+use slamd::orientation::dominant_directions::DominantDirections;
 use slamd::pipeline::Pipeline;
-use slamd::position::tracker::Tracker;
+use slamd::position::ekf_slam::EkfSlam;
 use slamd::publish::Outputs;
 use slamd::sweep::Sweep;
 use slamd::time::Timestamp;
@@ -136,7 +136,7 @@ impl Drive {
 
     /// Returns → the building's axis.
     pub fn hough(&self) -> f64 {
-        let mut finder = AxisFinder::default();
+        let mut finder = DominantDirections::default();
         let windows = self.sweeps.chunks(AXIS_SWEEPS).map(|window| {
             finder.clear();
             for (sweep, estimate) in window {
@@ -150,7 +150,7 @@ impl Drive {
     /// Wheels and returns → pose and walls.
     pub fn ekf(&self) -> usize {
         let (_, first) = self.sweeps.first().expect("sweeps");
-        let mut tracker = Tracker::new(first.pose, first.covariance[(2, 2)].sqrt(), self.config.robot.wheels());
+        let mut tracker = EkfSlam::new(first.pose, first.covariance[(2, 2)].sqrt(), self.config.robot.wheels());
         for (sweep, _) in &self.sweeps {
             tracker.predict(sweep.left_m, sweep.right_m);
             tracker.expect(sweep);
@@ -165,12 +165,18 @@ impl Drive {
         for (sweep, estimate) in &self.sweeps {
             grid.revise();
             for beam in &sweep.beams {
-                let (range_m, target) = match beam.range_m {
-                    range_m if range_m.is_finite() => (range_m, Target::Something),
-                    _ if beam.is_clear() => (self.config.ring.max_range_m, Target::Nothing),
+                let (range_m, kind) = match beam.range_m {
+                    range_m if range_m.is_finite() => (range_m, ReturnKind::Something),
+                    _ if beam.is_clear() => (self.config.ring.max_range_m, ReturnKind::Nothing),
                     _ => continue,
                 };
-                cone::draw(&mut grid, estimate.pose * beam.robot_from_sensor, beam.half_angle_rad, range_m, target);
+                cone::integrate_beam(
+                    &mut grid,
+                    estimate.pose * beam.robot_from_sensor,
+                    beam.half_angle_rad,
+                    range_m,
+                    kind,
+                );
             }
         }
         grid.refused()

@@ -34,13 +34,13 @@ pub enum Doubt {
     #[error("too few walls are mapped yet")]
     TooFewWalls,
     /// It fits nowhere.
-    #[error("no place fits: the best scores {score:.2}, and {LEAST_SCORE} is needed")]
+    #[error("no place fits: the best scores {score:.2}, and {MIN_SCORE} is needed")]
     NoFit {
         /// The best place's score.
         score: f64,
     },
     /// It fits at more than one place.
-    #[error("two places fit almost alike: they score {score:.2} and {second:.2}, and {LEAST_MARGIN} must lie between")]
+    #[error("two places fit almost alike: they score {score:.2} and {second:.2}, and {MIN_MARGIN} must lie between")]
     Ambiguous {
         /// The best place's score.
         score: f64,
@@ -57,16 +57,16 @@ pub enum Doubt {
 
 /// The least score that is believed, and how far the second best must stay behind. Over 21 drives in the flat and the office the best place was the wrong one
 /// once, at 0.38; another building scored 0.23 at most.
-pub const LEAST_SCORE: f64 = 0.4;
-/// See [`LEAST_SCORE`].
-pub const LEAST_MARGIN: f64 = 0.15;
+pub const MIN_SCORE: f64 = 0.4;
+/// See [`MIN_SCORE`].
+pub const MIN_MARGIN: f64 = 0.15;
 /// A map with fewer solid cells says nothing: three metres of wall.
-const LEAST_SOLID: usize = 60;
+const MIN_SOLID: usize = 60;
 /// Percent from which a cell is solid.
 const SOLID: i8 = 65;
 /// Lines that are looked at, and the solid cells that each needs.
-const MOST_LINES: usize = 16;
-const LEAST_VOTES: usize = 12;
+const MAX_LINES: usize = 16;
+const MIN_VOTES: usize = 12;
 /// Axes nearer to each other than this are the same: slamd's maps lie along the walls already, and are not resampled for nothing.
 const SAME_AXIS_RAD: f64 = 0.015;
 /// Both ways come to the same place within this.
@@ -91,16 +91,16 @@ pub fn align(site: &Merged, grid: &Grid) -> Result<Alignment, Doubt> {
         turned.add(grid, &Placement::new(turn));
         (turn, turned.raster()?)
     };
-    let found = Searcher::new(&known).find(&new, LEAST_SOLID, 1.0).ok_or(Doubt::TooFewWalls)?;
+    let found = Searcher::new(&known).find(&new, MIN_SOLID, 1.0).ok_or(Doubt::TooFewWalls)?;
     let score = score_above(&new)?;
     let (score, second) = (score(found.best.fit), found.rival.map_or(0.0, |rival| score(rival.fit)));
-    if score < LEAST_SCORE {
+    if score < MIN_SCORE {
         return Err(Doubt::NoFit { score });
     }
-    if score - second < LEAST_MARGIN {
+    if score - second < MIN_MARGIN {
         return Err(Doubt::Ambiguous { score, second });
     }
-    let back = Searcher::new(&new).find(&known, LEAST_SOLID, 0.0).ok_or(Doubt::TooFewWalls)?;
+    let back = Searcher::new(&new).find(&known, MIN_SOLID, 0.0).ok_or(Doubt::TooFewWalls)?;
     let round = found.best.transform * back.best.transform;
     if round.position().coords.norm() > AGREE_M || round.theta_rad.abs() > AGREE_RAD {
         return Err(Doubt::Contradiction);
@@ -111,7 +111,7 @@ pub fn align(site: &Merged, grid: &Grid) -> Result<Alignment, Doubt> {
 /// A map's fits as scores: 0 where it touches nothing that is known, 1 where all of it fits.
 fn score_above(new: &Raster) -> Result<impl Fn(f64) -> f64 + use<>, Doubt> {
     let nothing = Raster { cell_m: new.cell_m, ..Raster::default() };
-    let nowhere = Searcher::new(&nothing).find(new, LEAST_SOLID, 0.0).ok_or(Doubt::TooFewWalls)?.best.fit;
+    let nowhere = Searcher::new(&nothing).find(new, MIN_SOLID, 0.0).ok_or(Doubt::TooFewWalls)?.best.fit;
     Ok(move |fit: f64| (fit - nowhere) / (1.0 - nowhere))
 }
 
@@ -125,13 +125,13 @@ pub fn axis(map: &Raster) -> Option<f64> {
     };
     let solid = map.occupancy.iter().enumerate().filter(|(_, percent)| **percent >= SOLID);
     let points: Vec<Point> = solid.map(|(cell, _)| place(cell)).collect();
-    if points.len() < LEAST_SOLID {
+    if points.len() < MIN_SOLID {
         return None;
     }
     let radius_m = libm::hypot(middle(map.width), middle(map.height)) * map.cell_m;
     let mut hough = HoughLines::new(radius_m + 1.0);
     // Directions that differ by 90 degrees are the same: four times the angle, added as arrows as long as the votes.
-    let arrows = hough.find(&points, LEAST_VOTES, MOST_LINES).iter().map(|line| {
+    let arrows = hough.find(&points, MIN_VOTES, MAX_LINES).iter().map(|line| {
         let (sin, cos) = libm::sincos(4.0 * line.theta_rad);
         (line.votes as f64 * cos, line.votes as f64 * sin)
     });

@@ -49,7 +49,7 @@ pub struct FleetFileError {
 
 /// Metres from the site's origin.
 const FARTHEST_M: f64 = 10_000.0;
-const MOST_ROBOTS: usize = 1_000;
+const MAX_ROBOTS: usize = 1_000;
 
 const fn cell_m() -> f64 {
     0.05
@@ -83,8 +83,8 @@ impl FleetFile {
         if !(0.01..=1.0).contains(&file.cell_m) {
             return Err(format!("cell_m = {} must be from 0.01 to 1 m", file.cell_m));
         }
-        if !(1..=MOST_ROBOTS).contains(&file.robots.len()) {
-            return Err(format!("{} robots: name 1 to {MOST_ROBOTS}, each as [robots.NAME]", file.robots.len()));
+        if !(1..=MAX_ROBOTS).contains(&file.robots.len()) {
+            return Err(format!("{} robots: name 1 to {MAX_ROBOTS}, each as [robots.NAME]", file.robots.len()));
         }
         for (name, robot) in &file.robots {
             let is_good = |start: &StartPose| {

@@ -12,7 +12,7 @@ use serde::Serialize;
 use slamd::geometry::Pose2;
 use slamd::mapping::grid::OccupancyGrid;
 use slamd::mapping::raster::Raster;
-use slamd::memory::{MapMemory, TileMemory};
+use slamd::saved_state::{MapState, TileState};
 use std::collections::BTreeMap;
 
 /// The newest map of each robot.
@@ -126,14 +126,14 @@ impl Merged {
     pub fn raster(&self) -> Result<Raster, WireError> {
         // What slamd's own grid holds at most, so that pictures of one robot and of many mean the same.
         let cell = |sum: &i32| i16::try_from((*sum).clamp(-320, 400)).unwrap_or_default();
-        let facing = vec![[0; 2]; TILE.isqrt()];
-        let tile = |(&(column, row), cells): (&(i32, i32), &Vec<i32>)| TileMemory {
+        let normal = vec![[0; 2]; TILE.isqrt()];
+        let tile = |(&(column, row), cells): (&(i32, i32), &Vec<i32>)| TileState {
             column,
             row,
             log_odds: cells.iter().map(cell).collect(),
-            facing: facing.clone(),
+            normal: normal.clone(),
         };
-        let map = MapMemory { cell_m: f64::from(self.cell_um) * 1e-6, tiles: self.tiles.iter().map(tile).collect() };
+        let map = MapState { cell_m: f64::from(self.cell_um) * 1e-6, tiles: self.tiles.iter().map(tile).collect() };
         let grid = OccupancyGrid::restore(&map).map_err(|error| WireError::Content(error.to_string()))?;
         Ok(grid.raster())
     }

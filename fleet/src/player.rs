@@ -141,7 +141,7 @@ impl<R: Read> Player<R> {
     /// The map so far; none before the first pose.
     #[must_use]
     pub fn grid(&self) -> Option<Grid> {
-        let map = self.pipeline.memory()?.map;
+        let map = self.pipeline.saved_state()?.map;
         Some(Grid::new(self.session, self.seq, self.start?, map))
     }
 

@@ -7,16 +7,16 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use slamd::geometry::Pose2;
 use slamd::mapping::grid::{OccupancyGrid, Patch};
-use slamd::memory::{MapMemory, TileMemory};
+use slamd::saved_state::{MapState, TileState};
 
 /// The version of all that is below.
 pub const VERSION: u8 = 1;
 /// Bytes of a capture in one piece at most.
-pub const MOST_PIECE: u64 = 256 << 10;
+pub const MAX_PIECE: u64 = 256 << 10;
 /// Sessions that a robot may offer at once.
-pub const MOST_SESSIONS: usize = 1_000;
+pub const MAX_SESSIONS: usize = 1_000;
 /// A map takes less: 16,384 tiles of 1,024 cells, 3 bytes each at most.
-const MOST_BYTES: usize = 64 << 20;
+const MAX_BYTES: usize = 64 << 20;
 /// Cells along a tile's side.
 pub const SIDE: i32 = Patch::SIDE;
 /// Cells of a tile.
@@ -189,8 +189,8 @@ impl Grid {
     /// The map that a pipeline remembers.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "cells are 5 mm to 1 m")]
-    pub fn new(session: SessionId, seq: u64, start: Pose2, map: MapMemory) -> Self {
-        let tile = |tile: TileMemory| Tile { column: tile.column, row: tile.row, log_odds: tile.log_odds };
+    pub fn new(session: SessionId, seq: u64, start: Pose2, map: MapState) -> Self {
+        let tile = |tile: TileState| Tile { column: tile.column, row: tile.row, log_odds: tile.log_odds };
         let cell_um = libm::round(map.cell_m * 1e6) as u32;
         Self { session, seq, start: Start::new(start), cell_um, tiles: map.tiles.into_iter().map(tile).collect() }
     }
@@ -219,14 +219,14 @@ impl Grid {
     /// # Errors
     /// Where slamd could not have made it.
     pub fn occupancy(&self) -> Result<OccupancyGrid, WireError> {
-        let facing = vec![[0; 2]; TILE.isqrt()];
-        let tile = |tile: &Tile| TileMemory {
+        let normal = vec![[0; 2]; TILE.isqrt()];
+        let tile = |tile: &Tile| TileState {
             column: tile.column,
             row: tile.row,
             log_odds: tile.log_odds.clone(),
-            facing: facing.clone(),
+            normal: normal.clone(),
         };
-        let map = MapMemory { cell_m: f64::from(self.cell_um) * 1e-6, tiles: self.tiles.iter().map(tile).collect() };
+        let map = MapState { cell_m: f64::from(self.cell_um) * 1e-6, tiles: self.tiles.iter().map(tile).collect() };
         OccupancyGrid::restore(&map).map_err(|error| WireError::Content(error.to_string()))
     }
 }
@@ -278,7 +278,7 @@ fn encode<T: Serialize>(value: &T) -> Vec<u8> {
 
 fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, WireError> {
     match bytes.split_first() {
-        Some((&VERSION, rest)) if rest.len() <= MOST_BYTES => match postcard::take_from_bytes(rest) {
+        Some((&VERSION, rest)) if rest.len() <= MAX_BYTES => match postcard::take_from_bytes(rest) {
             Ok((value, [])) => Ok(value),
             Ok((_, rest)) => Err(WireError::Content(format!("{} bytes follow its end", rest.len()))),
             Err(error) => Err(WireError::Content(error.to_string())),

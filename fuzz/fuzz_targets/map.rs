@@ -5,10 +5,10 @@
 mod fuzzing;
 
 use fuzzing::Corpus;
-use slamd::memory::Memory;
+use slamd::saved_state::SavedState;
 use std::sync::LazyLock;
 
-static SESSION: LazyLock<Memory> = LazyLock::new(|| Corpus::new().memory());
+static SESSION: LazyLock<SavedState> = LazyLock::new(|| Corpus::new().saved_state());
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     fuzzing::read_map(bytes, SESSION.clone());

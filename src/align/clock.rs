@@ -80,11 +80,11 @@ struct Line {
 /// What is older than this says nothing of now: resonators warm up.
 const WINDOW_S: f64 = 60.0;
 /// Most round trips kept.
-const MOST_TRIPS: usize = 256;
+const MAX_TRIPS: usize = 256;
 /// Not even a rate learnt within a second lets the board's clock run ahead by so much, seconds.
-const MOST_AHEAD_S: f64 = 0.2;
+const MAX_AHEAD_S: f64 = 0.2;
 /// No board is off by more.
-const MOST_RATE: f64 = 0.02;
+const MAX_RATE: f64 = 0.02;
 /// What speaks for the rate known before: a rate that differs from it by 1 % must leave a strip this much wider, seconds.
 const RATE_PRIOR_S: f64 = 3e-4;
 /// The rate through arrivals alone is drawn towards the one known before as by this much, seconds squared.
@@ -125,7 +125,7 @@ impl ClockMap {
             high_s: host.seconds() - answered.seconds(),
         });
         let is_old = |oldest: &RoundTrip| answered.seconds() - oldest.answered_s > WINDOW_S;
-        while self.trips.len() > MOST_TRIPS || self.trips.front().is_some_and(is_old) {
+        while self.trips.len() > MAX_TRIPS || self.trips.front().is_some_and(is_old) {
             self.trips.pop_front();
         }
         self.line = Some(widest(&self.trips, self.rate));
@@ -147,7 +147,7 @@ impl ClockMap {
     /// True where a message stamped `board` cannot have arrived at `host` already: one of the clocks has stood still, or has jumped.
     #[must_use]
     pub fn is_impossible(&self, board: DeviceTime, host: Timestamp) -> bool {
-        self.host_time(board).is_some_and(|sent| sent.seconds_since(host) > MOST_AHEAD_S)
+        self.host_time(board).is_some_and(|sent| sent.seconds_since(host) > MAX_AHEAD_S)
     }
 
     /// Forgets the past after a restart or a jump; the board's resonator is the same one.
@@ -172,7 +172,7 @@ fn widest(trips: &VecDeque<RoundTrip>, rate: f64) -> Line {
         let (low_s, high_s) = bounds(candidate);
         high_s - low_s - RATE_PRIOR_S * ((candidate - rate) / 0.01).powi(2)
     };
-    let (mut least, mut most) = (-MOST_RATE, MOST_RATE);
+    let (mut least, mut most) = (-MAX_RATE, MAX_RATE);
     // (2/3)^36 of the range is a hundredth of a part per million.
     for _ in 0..36 {
         let (a, b) = (least + (most - least) / 3.0, most - (most - least) / 3.0);

@@ -57,7 +57,7 @@ pub struct Sweeper {
 }
 
 /// A sweep that heard fewer than this part of its sensors is given up.
-const LEAST_HEARD: f64 = 0.25;
+const MIN_HEARD: f64 = 0.25;
 
 impl Sweeper {
     /// A sweeper for a ring whose sensors measure within `range_m` and differ from their drawing by `corrections`.
@@ -141,7 +141,7 @@ impl Sweeper {
     pub fn finish(&mut self, at: Timestamp, track: &Track, wheels: Wheels) -> Option<&Sweep> {
         let reference = self.newest.take()?;
         let heard = self.pings.iter().flatten().count();
-        if (heard as f64) < LEAST_HEARD * self.pings.len() as f64 {
+        if (heard as f64) < MIN_HEARD * self.pings.len() as f64 {
             self.dropped += 1;
             self.pings.fill(None);
             return None;

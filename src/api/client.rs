@@ -108,7 +108,7 @@ struct Told {
 const IDLE: Duration = Duration::from_secs(20);
 /// The token is to be said within this, and guessed no more often.
 const INTRODUCTION: Duration = Duration::from_secs(5);
-const MOST_FAILURES: u32 = 3;
+const MAX_FAILURES: u32 = 3;
 /// A client that is dropped may still take what it is told.
 const FAREWELL: Duration = Duration::from_secs(5);
 const FOR_EVER: Duration = Duration::from_secs(3_600);
@@ -302,7 +302,7 @@ impl Client {
                 return self.say(at, &Report::version());
             }
             self.failures += 1;
-            return if self.failures < MOST_FAILURES {
+            return if self.failures < MAX_FAILURES {
                 self.complain(at, "begin with the right ?TOKEN=\"...\";");
             } else {
                 self.drop_because(at, End::Stranger, "three times without the right token");

@@ -4,7 +4,7 @@ use super::token::Token;
 
 /// A longer head is no request, bytes.
 pub(super) const LONGEST_HEAD: usize = 8 << 10;
-const MOST_HEADERS: usize = 64;
+const MAX_HEADERS: usize = 64;
 
 /// What is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,7 +27,7 @@ pub(super) enum Status {
 
 /// Reads the head of a request; none while it is not complete.
 pub(super) fn read(head: &[u8], token: Option<&Token>) -> Option<Result<Page, Status>> {
-    let mut headers = [httparse::EMPTY_HEADER; MOST_HEADERS];
+    let mut headers = [httparse::EMPTY_HEADER; MAX_HEADERS];
     let mut request = httparse::Request::new(&mut headers);
     match request.parse(head) {
         Ok(httparse::Status::Partial) if head.len() >= LONGEST_HEAD => return Some(Err(Status::HeadTooLong)),

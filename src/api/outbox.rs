@@ -17,7 +17,7 @@ pub(super) struct Outbox {
 }
 
 /// Bytes that may wait; one more line may come on top, so that any map fits.
-const MOST_BYTES: usize = 256 << 10;
+const MAX_BYTES: usize = 256 << 10;
 /// A client that takes nothing for so long is stuck.
 const PATIENCE: Duration = Duration::from_secs(10);
 
@@ -27,7 +27,7 @@ impl Outbox {
     }
 
     pub(super) fn is_full(&self) -> bool {
-        self.bytes >= MOST_BYTES
+        self.bytes >= MAX_BYTES
     }
 
     pub(super) fn push(&mut self, at: Timestamp, line: Bytes) {

@@ -2,7 +2,7 @@
 
 use super::http::{LONGEST_HEAD, Page, Status, answer, read};
 use super::metrics::page;
-use super::server::{Counted, Hall};
+use super::server::{Counted, ServerState};
 use super::snapshot::Snapshot;
 use super::token::Token;
 use crate::link::LinkState;
@@ -20,10 +20,10 @@ const PATIENCE: Duration = Duration::from_secs(5);
 const ANSWER: Duration = Duration::from_secs(4);
 
 /// Answers one request.
-pub(super) async fn serve(hall: Rc<Hall>, _counted: Counted, mut stream: TcpStream, token: Option<Token>) {
+pub(super) async fn serve(state: Rc<ServerState>, _counted: Counted, mut stream: TcpStream, token: Option<Token>) {
     let Ok(Ok(asked)) = timeout(PATIENCE, head(&mut stream, token.as_ref())).await else { return };
     let (status, body) = match asked {
-        Ok(page) => made(&hall, page).await,
+        Ok(page) => made(&state, page).await,
         Err(status) => (status, String::new()),
     };
     let _ = timeout(PATIENCE, async {
@@ -46,15 +46,15 @@ async fn head(stream: &mut TcpStream, token: Option<&Token>) -> io::Result<Resul
     }
 }
 
-async fn made(hall: &Hall, asked: Page) -> (Status, String) {
-    let mut moments = hall.moment.subscribe();
-    hall.mailbox.ask();
+async fn made(state: &ServerState, asked: Page) -> (Status, String) {
+    let mut moments = state.moment.subscribe();
+    state.mailbox.ask();
     if timeout(ANSWER, moments.changed()).await.is_err() {
         return (Status::Unavailable, "the session does not answer\n".into());
     }
     let moment: Arc<Snapshot> = Arc::clone(&moments.borrow());
     match asked {
-        Page::Metrics => (Status::Ok, page(&moment, hall.served())),
+        Page::Metrics => (Status::Ok, page(&moment, state.served())),
         Page::Health => {
             let status = if moment.link == LinkState::Streaming { Status::Ok } else { Status::Unavailable };
             (status, format!("{}: {}\n", moment.link.word(), moment.cause))

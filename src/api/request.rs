@@ -69,7 +69,7 @@ pub enum RequestError {
         expected: &'static str,
     },
     /// A rate outside its range.
-    #[error("?WATCH: {key} = {value} is out of range: it must be 0, or from {LEAST_HZ} to {most}")]
+    #[error("?WATCH: {key} = {value} is out of range: it must be 0, or from {MIN_HZ} to {most}")]
     Rate {
         /// The rate.
         key: &'static str,
@@ -81,10 +81,10 @@ pub enum RequestError {
 }
 
 /// Less than once in 1,000 s is never.
-const LEAST_HZ: f64 = 0.001;
+const MIN_HZ: f64 = 0.001;
 /// Sweeps come no faster; a map is copied whole and needs no more.
-const MOST_HZ: u32 = 50;
-const MOST_MAP_HZ: u32 = 1;
+const MAX_HZ: u32 = 50;
+const MAX_MAP_HZ: u32 = 1;
 /// Words of an error beyond this are cut: a client's own words are not sent back at length.
 const LONGEST_WORDS: usize = 120;
 
@@ -126,13 +126,13 @@ fn json<'a, T: Deserialize<'a>>(name: &'static str, value: &'a str, expected: &'
 
 fn within(watch: Watch) -> Result<Watch, RequestError> {
     let rates = [
-        ("pose_hz", watch.pose_hz, MOST_HZ),
-        ("sweep_hz", watch.sweep_hz, MOST_HZ),
-        ("map_hz", watch.map_hz, MOST_MAP_HZ),
-        ("stats_hz", watch.stats_hz, MOST_HZ),
+        ("pose_hz", watch.pose_hz, MAX_HZ),
+        ("sweep_hz", watch.sweep_hz, MAX_HZ),
+        ("map_hz", watch.map_hz, MAX_MAP_HZ),
+        ("stats_hz", watch.stats_hz, MAX_HZ),
     ];
     for (key, value, most) in rates {
-        if value != 0.0 && !(LEAST_HZ..=f64::from(most)).contains(&value) {
+        if value != 0.0 && !(MIN_HZ..=f64::from(most)).contains(&value) {
             return Err(RequestError::Rate { key, value: value.to_string(), most });
         }
     }

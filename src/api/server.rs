@@ -33,10 +33,10 @@ pub struct Server {
 }
 
 /// More clients are turned away.
-const MOST_CLIENTS: usize = 64;
-const MOST_PAGES: usize = 8;
+const MAX_CLIENTS: usize = 64;
+const MAX_PAGES: usize = 8;
 /// Those who are told why they must go.
-const MOST_PARTING: usize = 16;
+const MAX_PARTING: usize = 16;
 /// A map of so long ago need not be copied anew.
 const FRESH: Duration = Duration::from_millis(500);
 /// Without a descriptor nobody is let in for a moment.
@@ -59,9 +59,9 @@ impl Server {
         let thread = {
             let mailbox = Arc::clone(&mailbox);
             std::thread::Builder::new().name("api".into()).spawn(move || {
-                let hall = LocalSet::new();
-                hall.block_on(&runtime, async move {
-                    Hall::open(mailbox, listeners, token);
+                let state = LocalSet::new();
+                state.block_on(&runtime, async move {
+                    ServerState::open(mailbox, listeners, token);
                     let _ = is_over.await;
                 });
             })?
@@ -89,7 +89,7 @@ impl Drop for Server {
 }
 
 /// What all tasks of the thread share.
-pub(super) struct Hall {
+pub(super) struct ServerState {
     pub(super) mailbox: Arc<Mailbox>,
     pub(super) begin: Instant,
     pub(super) moment: watch::Sender<Arc<Snapshot>>,
@@ -103,10 +103,10 @@ pub(super) struct Hall {
     slow: Cell<u64>,
 }
 
-impl Hall {
+impl ServerState {
     #[expect(clippy::disallowed_methods, reason = "clients live in real time")]
     fn open(mailbox: Arc<Mailbox>, listeners: Vec<Listener>, token: Option<Token>) {
-        let hall = Rc::new(Self {
+        let state = Rc::new(Self {
             mailbox,
             begin: Instant::now(),
             moment: watch::Sender::default(),
@@ -118,11 +118,11 @@ impl Hall {
             refused: Cell::default(),
             slow: Cell::default(),
         });
-        spawn_local(listen(Rc::clone(&hall)));
+        spawn_local(listen(Rc::clone(&state)));
         for listener in listeners {
-            let (place, hall) = (listener.place(), Rc::clone(&hall));
+            let (place, state) = (listener.place(), Rc::clone(&state));
             spawn_local(async move {
-                if let Err(error) = admit(hall, listener, token).await {
+                if let Err(error) = admit(state, listener, token).await {
                     tracing::error!("api: nobody can come in at {place}: {error}");
                 }
             });
@@ -148,14 +148,14 @@ impl Hall {
 }
 
 /// One more of something, for as long as this lives.
-pub(super) struct Counted(Rc<Hall>, fn(&Hall) -> &Cell<usize>);
+pub(super) struct Counted(Rc<ServerState>, fn(&ServerState) -> &Cell<usize>);
 
 impl Counted {
-    fn new(hall: &Rc<Hall>, which: fn(&Hall) -> &Cell<usize>, most: usize) -> Option<Self> {
-        let cell = which(hall);
+    fn new(state: &Rc<ServerState>, which: fn(&ServerState) -> &Cell<usize>, most: usize) -> Option<Self> {
+        let cell = which(state);
         (cell.get() < most).then(|| {
             cell.set(cell.get() + 1);
-            Self(Rc::clone(hall), which)
+            Self(Rc::clone(state), which)
         })
     }
 }
@@ -168,23 +168,23 @@ impl Drop for Counted {
 }
 
 /// Hands on what the pipeline's thread leaves.
-async fn listen(hall: Rc<Hall>) {
+async fn listen(state: Rc<ServerState>) {
     loop {
-        let (snapshot, map) = hall.mailbox.next().await;
+        let (snapshot, map) = state.mailbox.next().await;
         if let Some((at, raster)) = map {
             let line = map_line(at, &raster).unwrap_or_else(|error| {
                 tracing::warn!("api: a map cannot be drawn: {error}");
                 None
             });
-            hall.mapped.set(Some(hall.now()));
-            hall.map.send_replace(line);
+            state.mapped.set(Some(state.now()));
+            state.map.send_replace(line);
         }
-        hall.moment.send_replace(Arc::new(snapshot));
+        state.moment.send_replace(Arc::new(snapshot));
     }
 }
 
 /// Lets clients in.
-async fn admit(hall: Rc<Hall>, listener: Listener, token: Option<Token>) -> io::Result<()> {
+async fn admit(state: Rc<ServerState>, listener: Listener, token: Option<Token>) -> io::Result<()> {
     match listener {
         Listener::Tcp(listener) => {
             let listener = TcpListener::from_std(listener)?;
@@ -192,7 +192,7 @@ async fn admit(hall: Rc<Hall>, listener: Listener, token: Option<Token>) -> io::
                 let Some((stream, from)) = come_in(listener.accept().await).await else { continue };
                 // A pose is not held back until there are more.
                 let _ = stream.set_nodelay(true);
-                welcome(&hall, stream, from.to_string(), token);
+                welcome(&state, stream, from.to_string(), token);
             }
         }
         Listener::Unix(listener, path) => {
@@ -200,16 +200,16 @@ async fn admit(hall: Rc<Hall>, listener: Listener, token: Option<Token>) -> io::
             loop {
                 let Some((stream, _)) = come_in(listener.accept().await).await else { continue };
                 // Whoever may open the file is its owner.
-                welcome(&hall, stream, who.clone(), None);
+                welcome(&state, stream, who.clone(), None);
             }
         }
         Listener::Http(listener) => {
             let listener = TcpListener::from_std(listener)?;
             loop {
                 let Some((stream, _)) = come_in(listener.accept().await).await else { continue };
-                let counted = Counted::new(&hall, |hall| &hall.pages, MOST_PAGES);
+                let counted = Counted::new(&state, |state| &state.pages, MAX_PAGES);
                 let Some(counted) = counted else { continue };
-                spawn_local(pages::serve(Rc::clone(&hall), counted, stream, token));
+                spawn_local(pages::serve(Rc::clone(&state), counted, stream, token));
             }
         }
     }
@@ -227,16 +227,16 @@ async fn come_in<T>(accepted: io::Result<T>) -> Option<T> {
     }
 }
 
-fn welcome<S>(hall: &Rc<Hall>, stream: S, who: String, token: Option<Token>)
+fn welcome<S>(state: &Rc<ServerState>, stream: S, who: String, token: Option<Token>)
 where
     S: tokio::io::AsyncRead + tokio::io::AsyncWrite + Unpin + 'static,
 {
-    if let Some(counted) = Counted::new(hall, |hall| &hall.clients, MOST_CLIENTS) {
-        spawn_local(visit::serve(Rc::clone(hall), counted, stream, who, token));
+    if let Some(counted) = Counted::new(state, |state| &state.clients, MAX_CLIENTS) {
+        spawn_local(visit::serve(Rc::clone(state), counted, stream, who, token));
         return;
     }
-    hall.refused.set(hall.refused.get() + 1);
-    if let Some(counted) = Counted::new(hall, |hall| &hall.parting, MOST_PARTING) {
+    state.refused.set(state.refused.get() + 1);
+    if let Some(counted) = Counted::new(state, |state| &state.parting, MAX_PARTING) {
         spawn_local(visit::turn_away(counted, stream));
     }
 }

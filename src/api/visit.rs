@@ -2,7 +2,7 @@
 
 use super::client::{Asks, Client, End};
 use super::report::Report;
-use super::server::{Counted, Hall};
+use super::server::{Counted, ServerState};
 use super::token::Token;
 use std::io;
 use std::rc::Rc;
@@ -27,43 +27,43 @@ enum Wake {
 }
 
 /// Serves one client until it goes or is dropped.
-pub(super) async fn serve<S>(hall: Rc<Hall>, _counted: Counted, stream: S, who: String, token: Option<Token>)
+pub(super) async fn serve<S>(state: Rc<ServerState>, _counted: Counted, stream: S, who: String, token: Option<Token>)
 where
     S: AsyncRead + AsyncWrite + Unpin,
 {
     let (mut reader, mut writer) = tokio::io::split(stream);
-    let mut client = Client::new(hall.now(), token);
-    let (mut moments, mut maps) = (hall.moment.subscribe(), hall.map.subscribe());
-    let mut watching = Watching { hall: Rc::clone(&hall), is_on: false };
+    let mut client = Client::new(state.now(), token);
+    let (mut moments, mut maps) = (state.moment.subscribe(), state.map.subscribe());
+    let mut watching = Watching { state: Rc::clone(&state), is_on: false };
     let (mut asked, mut reads, mut is_told, mut chunk) = (Asks::default(), true, false, [0; CHUNK]);
     loop {
-        let now = hall.now();
+        let now = state.now();
         client.tick(now);
         watching.set(client.is_watching());
         if let Some(end) = client.end()
             && !std::mem::replace(&mut is_told, true)
         {
             reads = false;
-            hall.count(end);
+            state.count(end);
             tell(&who, end);
         }
         if client.is_over(now) {
             break;
         }
         if client.asks().map
-            && let Some(map) = hall.fresh_map(now)
+            && let Some(map) = state.fresh_map(now)
         {
             client.map(now, map.as_ref());
         }
         let asks = client.asks();
         if asks.moment && !asked.moment {
-            hall.mailbox.ask();
+            state.mailbox.ask();
         }
         if asks.map && !asked.map {
-            hall.mailbox.ask_map();
+            state.mailbox.ask_map();
         }
         asked = asks;
-        let deadline = hall.begin + Duration::from_micros(client.deadline().us());
+        let deadline = state.begin + Duration::from_micros(client.deadline().us());
         let wake = tokio::select! {
             read = reader.read(&mut chunk), if reads => Wake::Read(read),
             written = writer.write(client.outgoing()), if !client.outgoing().is_empty() => Wake::Wrote(written),
@@ -71,7 +71,7 @@ where
             _ = maps.changed() => Wake::Map,
             () = sleep_until(deadline.into()) => Wake::Time,
         };
-        let now = hall.now();
+        let now = state.now();
         match wake {
             Wake::Read(Ok(0)) => {
                 reads = false;
@@ -83,7 +83,7 @@ where
             Wake::Read(Err(_)) | Wake::Wrote(_) => return,
             Wake::Moment => {
                 let moment = Arc::clone(&moments.borrow_and_update());
-                client.news(now, &moment, hall.served().clients);
+                client.news(now, &moment, state.served().clients);
                 asked.moment = false;
             }
             Wake::Map => {
@@ -125,13 +125,13 @@ fn tell(who: &str, end: End) {
 
 /// Whether sweeps are to be copied for a client.
 struct Watching {
-    hall: Rc<Hall>,
+    state: Rc<ServerState>,
     is_on: bool,
 }
 
 impl Watching {
     fn set(&mut self, is_on: bool) {
-        let watchers = &self.hall.mailbox.watchers;
+        let watchers = &self.state.mailbox.watchers;
         match (std::mem::replace(&mut self.is_on, is_on), is_on) {
             (false, true) => drop(watchers.fetch_add(1, Ordering::Relaxed)),
             (true, false) => drop(watchers.fetch_sub(1, Ordering::Relaxed)),

@@ -4,9 +4,9 @@ use crate::capture::Record;
 use crate::config::Config;
 use crate::event::{Calibration, Event, Input, Output, SensorState};
 use crate::geometry::Pose2;
-use crate::memory::WallMemory;
 use crate::metrics::{Accuracy, AccuracyMeter};
 use crate::pipeline::Pipeline;
+use crate::saved_state::LandmarkState;
 use crate::sweep::Sweep;
 use std::collections::VecDeque;
 
@@ -16,7 +16,7 @@ pub struct Drive {
     /// Each sweep with `map_from_robot`.
     pub steps: Vec<(Sweep, Pose2)>,
     /// Each wall with its offset, metres.
-    pub walls: Vec<(WallMemory, f64)>,
+    pub walls: Vec<(LandmarkState, f64)>,
     /// Where each sensor looks by the drawing, radians.
     pub bearings_rad: Vec<f64>,
     /// The wheels.
@@ -69,10 +69,10 @@ impl Mapper {
     /// The drive.
     #[must_use]
     pub fn finish(self) -> Drive {
-        let memory = self.pipeline.memory();
+        let memory = self.pipeline.saved_state();
         let walls = memory.map_or_else(Vec::new, |memory| {
             let near = memory.walls.into_iter().zip(memory.filter.offsets_m);
-            near.chain(memory.parked.into_iter().map(|parked| (parked.wall, parked.offset_m))).collect()
+            near.chain(memory.inactive.into_iter().map(|inactive| (inactive.wall, inactive.offset_m))).collect()
         });
         Drive {
             steps: self.steps,

@@ -3,8 +3,8 @@
 use super::Estimated;
 use super::drive::Drive;
 use crate::event::SensorState;
-use crate::memory::WallMemory;
-use crate::position::beam_model::sight;
+use crate::position::beam_model::observe_wall;
+use crate::saved_state::LandmarkState;
 use nalgebra::{Matrix3, Vector3};
 
 /// What is sought: range bias, bearing offset, error of the half angle.
@@ -32,14 +32,14 @@ const CAUCHY_M: f64 = 0.03;
 /// What a sensor is off by before anything is known: metres, radians, radians.
 const PRIOR: [f64; UNKNOWNS] = [0.05, 0.09, 0.09];
 /// Only walls that many sweeps have seen, and readings within their extent.
-const LEAST_HITS: u32 = 40;
+const MIN_HITS: u32 = 40;
 const INSIDE_M: f64 = 0.05;
 /// Parts of the drive that are left out in turn.
 const PARTS: usize = 8;
-const LEAST_ROWS: usize = 60;
+const MIN_ROWS: usize = 60;
 /// A result less certain than this is none: metres, radians.
-const MOST_SIGMA_M: f64 = 0.008;
-const MOST_SIGMA_RAD: f64 = 0.75 * std::f64::consts::PI / 180.0;
+const MAX_SIGMA_M: f64 = 0.008;
+const MAX_SIGMA_RAD: f64 = 0.75 * std::f64::consts::PI / 180.0;
 
 /// Fits every sensor.
 pub(super) fn fit(drive: &Drive) -> Vec<Step> {
@@ -59,23 +59,23 @@ pub(super) fn rms_m(drive: &Drive, sensor: usize) -> f64 {
 fn rows(drive: &Drive, sensor: usize) -> Vec<Row> {
     let mut rows = Vec::new();
     for (step, (sweep, pose)) in drive.steps.iter().enumerate() {
-        let Some(sighting) = sweep.beams.get(sensor).and_then(|beam| sight(*pose, beam)) else { continue };
-        let sign = sighting.side.sign();
-        let residual = |offset_m: f64| sighting.depth_m - sign * (offset_m - sighting.across_m);
-        let is_heard = |wall: &WallMemory, offset_m: f64| {
-            wall.side == sighting.side.index()
-                && wall.hits >= LEAST_HITS
-                && (wall.lo_m + INSIDE_M..=wall.hi_m - INSIDE_M).contains(&sighting.along_m)
+        let Some(observation) = sweep.beams.get(sensor).and_then(|beam| observe_wall(*pose, beam)) else { continue };
+        let sign = observation.side.sign();
+        let residual = |offset_m: f64| observation.depth_m - sign * (offset_m - observation.across_m);
+        let is_heard = |wall: &LandmarkState, offset_m: f64| {
+            wall.side == observation.side.index()
+                && wall.hits >= MIN_HITS
+                && (wall.lo_m + INSIDE_M..=wall.hi_m - INSIDE_M).contains(&observation.along_m)
                 && residual(offset_m).abs() < GATE_M
         };
         // Of several the one that most have seen: a sensor that reads too long may have drawn a wall of its own.
         let heard = drive.walls.iter().filter(|(wall, offset_m)| is_heard(wall, *offset_m));
         let Some((_, offset_m)) = heard.max_by_key(|(wall, _)| wall.hits) else { continue };
-        let tangent = if sighting.side.axis() == 0 { sign } else { -sign };
-        let lateral_m = tangent * (sighting.along_m - sighting.foot_m);
+        let tangent = if observation.side.axis() == 0 { sign } else { -sign };
+        let lateral_m = tangent * (observation.along_m - observation.foot_m);
         rows.push(Row {
             residual_m: residual(*offset_m),
-            by: Vector3::new(libm::cos(sighting.oblique_rad), lateral_m, -lateral_m.abs()),
+            by: Vector3::new(libm::cos(observation.oblique_rad), lateral_m, -lateral_m.abs()),
             part: step * PARTS / drive.steps.len(),
         });
     }
@@ -83,11 +83,11 @@ fn rows(drive: &Drive, sensor: usize) -> Vec<Row> {
 }
 
 fn fit_sensor(rows: &[Row]) -> Step {
-    if rows.len() < LEAST_ROWS {
+    if rows.len() < MIN_ROWS {
         return Step::default();
     }
-    let bearing = estimate(rows, 1, true).filter(|found| found.sigma <= MOST_SIGMA_RAD);
-    let bias = estimate(rows, 0, bearing.is_some()).filter(|found| found.sigma <= MOST_SIGMA_M);
+    let bearing = estimate(rows, 1, true).filter(|found| found.sigma <= MAX_SIGMA_RAD);
+    let bias = estimate(rows, 0, bearing.is_some()).filter(|found| found.sigma <= MAX_SIGMA_M);
     Step { range_bias_m: bias, bearing_offset_rad: bearing }
 }
 

@@ -1,6 +1,6 @@
 //! `slamd calibrate CAPTURE`
 
-use super::kept::write_robot;
+use super::state_args::write_robot;
 use super::{Failure, Kind, terminal};
 use crate::calibrate::drive::{Drive, Mapper};
 use crate::calibrate::{CalibrateError, Estimated, PASSES, Report, calibrate};

@@ -1,13 +1,13 @@
 //! `slamd export FILE`
 
-use super::kept::KeptArgs;
 use super::replay::open;
+use super::state_args::StateArgs;
 use super::{Failure, HowArgs, Kind, terminal};
 use crate::event::Event;
 use crate::publish::{PoseTable, Trajectory};
 use crate::ros2::{Bag, BagError};
 use crate::source::replay::step;
-use crate::source::session::{Session, Sight};
+use crate::source::session::{Session, Update};
 use clap::{ArgGroup, Args};
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
@@ -55,7 +55,7 @@ impl ExportArgs {
                 format!("a temporary folder: {error}; name one that can be written in TMPDIR"),
             )
         })?;
-        let (mut capture, mut session) = open(&self.file, &KeptArgs::default(), &self.how, folder.path())?;
+        let (mut capture, mut session) = open(&self.file, &StateArgs::default(), &self.how, folder.path())?;
         let mut exports = self.begin(&session, capture.info().unix_zero_us)?;
         session.keep_sweeps();
         let events = listen(&mut session);
@@ -145,7 +145,7 @@ fn listen(session: &mut Session) -> Rc<RefCell<Vec<Event>>> {
     let events = Rc::new(RefCell::new(Vec::new()));
     let heard = Rc::clone(&events);
     session.watch(Box::new(move |_, sight| {
-        if let Sight::Event(event) = sight {
+        if let Update::Event(event) = sight {
             heard.borrow_mut().push(event.clone());
         }
     }));

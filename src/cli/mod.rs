@@ -9,7 +9,6 @@ mod export;
 mod failure;
 mod import;
 mod inspect;
-mod kept;
 mod log;
 #[cfg(feature = "manual")]
 mod manual;
@@ -22,6 +21,7 @@ mod replay;
 mod replay_folder;
 mod run;
 mod simulate;
+mod state_args;
 mod terminal;
 #[cfg(feature = "viewer")]
 mod viewer;

@@ -1,7 +1,7 @@
 //! `slamd replay FILE|DIR`
 
-use super::kept::KeptArgs;
 use super::replay_folder::replay_folder;
+use super::state_args::StateArgs;
 use super::{Failure, HowArgs, Kind, OutputArgs, terminal};
 use crate::capture::CaptureReader;
 use crate::metrics::TrueFault;
@@ -18,7 +18,7 @@ pub(super) struct ReplayArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
     #[command(flatten)]
-    kept: KeptArgs,
+    kept: StateArgs,
     #[cfg(feature = "viewer")]
     #[command(flatten)]
     viewer: super::viewer::ReplayViewerArgs,
@@ -72,7 +72,7 @@ impl ReplayArgs {
 /// A capture and the session that it is fed to, which writes into `folder`.
 pub(super) fn open(
     file: &Path,
-    kept: &KeptArgs,
+    kept: &StateArgs,
     how: &HowArgs,
     folder: &Path,
 ) -> Result<(CaptureReader, Session), Failure> {

@@ -98,7 +98,7 @@ fn run_all(captures: &[PathBuf], jobs: usize, output: &OutputArgs) -> Vec<Outcom
 fn run(file: &Path, output: &OutputArgs) -> Outcome {
     let begin = Instant::now();
     let (mut capture, mut session) =
-        open(file, &super::kept::KeptArgs::default(), &output.how, &output.out.join(name(file)))?;
+        open(file, &super::state_args::StateArgs::default(), &output.how, &output.out.join(name(file)))?;
     replay(&mut capture, &mut session, |_| ())?;
     let duration_s = session.now().seconds();
     let (summary, faulty) = session.finish()?;

@@ -1,6 +1,6 @@
 //! `slamd --port DEV`, the same as `slamd run --port DEV`
 
-use super::kept::KeptArgs;
+use super::state_args::StateArgs;
 use super::{Failure, Kind, OutputArgs, terminal};
 use crate::api::Tap;
 use crate::capture::CaptureInfo;
@@ -55,7 +55,7 @@ pub(super) struct LiveArgs {
     #[arg(long)]
     realtime: bool,
     #[command(flatten)]
-    pub(super) kept: KeptArgs,
+    pub(super) kept: StateArgs,
     #[command(flatten)]
     api: super::api::ApiArgs,
     #[cfg(feature = "mqtt")]

@@ -7,7 +7,7 @@ use super::shape::Shape;
 use slamd_protocol::Setting;
 
 /// Most sensors a ring may have: a `SONAR` message holds no more.
-pub(super) const MOST_SENSORS: u8 = 76;
+pub(super) const MAX_SENSORS: u8 = 76;
 
 /// One key.
 #[derive(Clone, Debug, PartialEq)]
@@ -118,15 +118,11 @@ fn ring() -> Vec<Key> {
         ),
         Key {
             instead_of: Some("circle"),
-            ..key(
-                "sensors",
-                Shape::List(sensor(), MOST_SENSORS),
-                "Sensors one by one, instead of the board's geometry.",
-            )
+            ..key("sensors", Shape::List(sensor(), MAX_SENSORS), "Sensors one by one, instead of the board's geometry.")
         },
         key(
             "corrections",
-            Shape::List(correction(), MOST_SENSORS),
+            Shape::List(correction(), MAX_SENSORS),
             "How single sensors differ from their drawing, as `slamd calibrate` finds it.",
         ),
     ]
@@ -134,7 +130,7 @@ fn ring() -> Vec<Key> {
 
 fn circle() -> Vec<Key> {
     vec![
-        required(whole("count", 1, i64::from(MOST_SENSORS), "How many sensors.")),
+        required(whole("count", 1, i64::from(MAX_SENSORS), "How many sensors.")),
         required(number("radius_m", 0.0, 2.0, "Radius of the circle, metres.")),
         required(number("half_angle_deg", 0.0, 60.0, "Half the beam's opening angle, degrees; 0 for a laser.")),
         Key {
@@ -142,7 +138,7 @@ fn circle() -> Vec<Key> {
             ..whole(
                 "groups",
                 1,
-                i64::from(MOST_SENSORS),
+                i64::from(MAX_SENSORS),
                 "How many firing groups, interleaved round the ring; 1 where absent.",
             )
         },
@@ -171,7 +167,7 @@ fn sensor() -> Vec<Key> {
 
 fn correction() -> Vec<Key> {
     vec![
-        required(whole("sensor", 0, i64::from(MOST_SENSORS) - 1, "The sensor's id.")),
+        required(whole("sensor", 0, i64::from(MAX_SENSORS) - 1, "The sensor's id.")),
         number("range_bias_m", -0.5, 0.5, "How much too long it reads, metres; 0 where absent."),
         number(
             "bearing_offset_deg",

@@ -26,7 +26,7 @@ pub struct Layers {
 }
 
 /// More than anybody reads.
-const MOST_PROBLEMS: usize = 50;
+const MAX_PROBLEMS: usize = 50;
 
 impl Layers {
     /// Lays a TOML text over what is there. Errors will tell its lines, and its name if it has one.
@@ -172,7 +172,7 @@ struct Reading<'a> {
 
 impl Reading<'_> {
     fn problem(&mut self, start: usize, words: impl FnOnce() -> String) {
-        if self.problems.len() < MOST_PROBLEMS {
+        if self.problems.len() < MAX_PROBLEMS {
             self.problems.push(Problem { origin: (self.at)(start), words: words() });
         }
     }
@@ -308,7 +308,7 @@ mod tests {
         let lines: Vec<&str> = said.lines().map(|line| line.split(": ").next().unwrap()).collect();
         assert_eq!(lines, ["3 errors", "  line 2", "  line 3", "  line 5"]);
         let many: String = (0..1_000).map(|i| format!("key{i} = 1\n")).collect();
-        assert_eq!(Config::from_toml(&many).unwrap_err().problems.len(), MOST_PROBLEMS);
+        assert_eq!(Config::from_toml(&many).unwrap_err().problems.len(), MAX_PROBLEMS);
     }
 
     #[test]

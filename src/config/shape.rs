@@ -79,10 +79,10 @@ fn between(least: impl std::fmt::Display, most: impl std::fmt::Display) -> Strin
 
 /// No more of a text than is needed to know it again.
 pub(super) fn shown(text: &str) -> String {
-    if text.chars().count() <= MOST_SHOWN {
+    if text.chars().count() <= MAX_SHOWN {
         return text.into();
     }
-    text.chars().take(MOST_SHOWN).chain("...".chars()).collect()
+    text.chars().take(MAX_SHOWN).chain("...".chars()).collect()
 }
 
-const MOST_SHOWN: usize = 60;
+const MAX_SHOWN: usize = 60;

@@ -6,10 +6,10 @@ use crate::time::{DeviceTime, Timestamp};
 use slamd_protocol::{FrameDecoder, Message};
 
 /// Beyond this a ping cannot be dated well enough, seconds: an FTDI bridge holds bytes for 16 ms unless told not to.
-const MOST_MEDIAN_S: f64 = 0.012;
+const MAX_MEDIAN_S: f64 = 0.012;
 /// No resonator is worse; beyond it something else is wrong with the board's stamps.
-const MOST_PPM: f64 = 15_000.0;
-const LEAST_TRIPS: usize = 5;
+const MAX_PPM: f64 = 15_000.0;
+const MIN_TRIPS: usize = 5;
 
 /// The time requests and their answers.
 #[derive(Default)]
@@ -53,7 +53,7 @@ impl ClockEvidence {
     }
 
     pub(super) fn findings(&self) -> Vec<Finding> {
-        if self.trips_s.len() < LEAST_TRIPS {
+        if self.trips_s.len() < MIN_TRIPS {
             let text = format!("only {} answers to the question for the time", self.trips_s.len());
             return vec![Finding::new(Level::Note, "clock.answers", text, "let this run for longer: --seconds 30")];
         }
@@ -67,7 +67,7 @@ impl ClockEvidence {
             least_s * 1e3,
             most_s * 1e3
         );
-        let mut findings = vec![if median_s > MOST_MEDIAN_S {
+        let mut findings = vec![if median_s > MAX_MEDIAN_S {
             let fix = "an FTDI bridge holds bytes back: run `setserial PORT low_latency`, or write 1 to latency_timer by a udev rule; else plug the board in without a hub";
             Finding::new(Level::Warning, "clock.latency", text, fix)
         } else {
@@ -87,7 +87,7 @@ impl ClockEvidence {
         let ppm = (span_s / host_s - 1.0) * 1e6;
         let doubt_ppm = least_s / span_s * 1e6;
         let text = format!("the board's clock is {ppm:+.0} ppm off (+-{doubt_ppm:.0})");
-        Some(if ppm.abs() > MOST_PPM + doubt_ppm {
+        Some(if ppm.abs() > MAX_PPM + doubt_ppm {
             let fix = "set the firmware's F_CPU to the crystal on the board";
             Finding::new(Level::Warning, "clock.drift", text, fix)
         } else {

@@ -15,7 +15,7 @@ const FEW: u64 = 3;
 const WARNING_SHARE: f64 = 0.001;
 const PROBLEM_SHARE: f64 = 0.05;
 /// USB gives 5 V; below this the sensors' range falls.
-const LEAST_SUPPLY_MV: u16 = 4_600;
+const MIN_SUPPLY_MV: u16 = 4_600;
 /// Beyond this share of the line's rate frames begin to be dropped.
 const FULL: f64 = 0.9;
 
@@ -189,7 +189,7 @@ impl LineEvidence {
                 "shorten the cable, join the grounds, and keep it away from the motors' wires",
             ));
         }
-        if let Some(supply_mv) = self.least_supply_mv.filter(|&supply_mv| supply_mv < LEAST_SUPPLY_MV) {
+        if let Some(supply_mv) = self.least_supply_mv.filter(|&supply_mv| supply_mv < MIN_SUPPLY_MV) {
             findings.push(Finding::new(
                 Level::Warning,
                 "line.supply",

@@ -9,16 +9,16 @@ use std::f64::consts::TAU;
 /// Half the speed of sound at room temperature, metres per microsecond.
 const METRES_PER_US: f64 = 171.7e-6;
 /// Fewer pings tell nothing of a sensor.
-const LEAST_PINGS: u64 = 20;
+const MIN_PINGS: u64 = 20;
 /// A sensor whose readings stay within this while the robot moves is stuck, microseconds (5 mm).
 const STUCK_SPREAD_US: u16 = 30;
 /// The robot must have moved this far for it, metres.
-const LEAST_PATH_M: f64 = 0.3;
+const MIN_PATH_M: f64 = 0.3;
 /// A sensor between two that hear this share of their pings should hear something too.
 const HEARING: f64 = 0.5;
 /// The share of the promised sweeps that must arrive.
-const LEAST_SWEEPS: f64 = 0.9;
-const MOST_GROUPS: usize = 256;
+const MIN_SWEEPS: f64 = 0.9;
+const MAX_GROUPS: usize = 256;
 
 /// What one sensor gave.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -79,7 +79,7 @@ pub(super) struct SensorEvidence {
 impl SensorEvidence {
     pub(super) fn sonar(&mut self, sonar: &Sonar) {
         let group = usize::from(sonar.group);
-        self.fired.resize(MOST_GROUPS.min(self.fired.len().max(group + 1)), 0);
+        self.fired.resize(MAX_GROUPS.min(self.fired.len().max(group + 1)), 0);
         if let Some(fired) = self.fired.get_mut(group) {
             *fired += 1;
         }
@@ -186,7 +186,7 @@ impl SensorEvidence {
         let seen_hz = self.cycles as f64 / (self.span_us as f64 * 1e-6);
         let text =
             format!("{seen_hz:.1} sweeps/s of the {promised_hz:.1} that {groups} groups of {slot_us} us promise");
-        Some(if seen_hz < LEAST_SWEEPS * promised_hz {
+        Some(if seen_hz < MIN_SWEEPS * promised_hz {
             let fix = "see the findings of the line; else the board cannot keep its slots: set [board] slot_us higher";
             Finding::new(Level::Warning, "sensors.rate", text, fix)
         } else {
@@ -240,7 +240,7 @@ fn judge(
             format!("check sensor {id}'s echo wire for a short to 5 V, switch its supply off and on, or replace it");
         return Some(Finding::new(Level::Warning, "sensor.pin", text, fix));
     }
-    if pings < LEAST_PINGS {
+    if pings < MIN_PINGS {
         return None;
     }
     if sensor.disabled > 0 && sensor.disabled == answers {
@@ -263,14 +263,14 @@ fn judge(
         let level = if neighbours_hear { Level::Warning } else { Level::Note };
         return Some(Finding::new(level, "sensor.no_echo", text, fix));
     }
-    if echoes >= LEAST_PINGS && f64::from(sensor.least_us) * METRES_PER_US > max_range_m {
+    if echoes >= MIN_PINGS && f64::from(sensor.least_us) * METRES_PER_US > max_range_m {
         let text = format!("sensor {id} always reads its maximum, beyond {max_range_m} m");
         let fix = format!("clean sensor {id} and look for what covers it, or replace it");
         let level = if neighbours_hear { Level::Warning } else { Level::Note };
         return Some(Finding::new(level, "sensor.maximum", text, fix));
     }
     let is_same = sensor.most_us - sensor.least_us <= STUCK_SPREAD_US;
-    if echoes >= LEAST_PINGS && is_same && path_m > LEAST_PATH_M {
+    if echoes >= MIN_PINGS && is_same && path_m > MIN_PATH_M {
         let text = format!(
             "sensor {id} is stuck at {:.2} m although the robot moved {path_m:.1} m",
             sensor.mean_m.unwrap_or_default()

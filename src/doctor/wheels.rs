@@ -12,13 +12,13 @@ use std::f64::consts::TAU;
 /// Counts are judged in steps of this much board time, microseconds.
 const STEP_US: u32 = 250_000;
 /// Less than this, by the mean of both wheels, is no motion, metres.
-const LEAST_PATH_M: f64 = 0.1;
+const MIN_PATH_M: f64 = 0.1;
 /// What a hand pushes in a test; more is a drive, which turns both ways.
-const MOST_PUSHED_M: f64 = 2.0;
+const MAX_PUSHED_M: f64 = 2.0;
 /// A wheel with less than this share of the other's path does not count.
 const DEAD: f64 = 0.02;
 /// Wheels that roll straight ahead differ by less.
-const MOST_UNEQUAL: f64 = 0.15;
+const MAX_UNEQUAL: f64 = 0.15;
 
 /// Ticks rolled, by the kind of step, as `[left, right]`.
 #[derive(Default)]
@@ -80,7 +80,7 @@ impl WheelEvidence {
         is_set: impl Fn(Setting) -> bool,
     ) -> Vec<Finding> {
         let path_m = self.path_m(robot, board);
-        if path_m < LEAST_PATH_M {
+        if path_m < MIN_PATH_M {
             return vec![Finding::new(
                 Level::Note,
                 "wheels.still",
@@ -154,7 +154,7 @@ impl WheelEvidence {
             let fix = "after the push, turn the robot left (counter-clockwise) by a quarter while this runs";
             return Some(Finding::new(Level::Note, "wheels.sides", text, fix));
         }
-        let is_test = path_m < MOST_PUSHED_M && left_deg.min(right_deg) < 0.2 * left_deg.max(right_deg);
+        let is_test = path_m < MAX_PUSHED_M && left_deg.min(right_deg) < 0.2 * left_deg.max(right_deg);
         if !is_test {
             return None;
         }
@@ -178,7 +178,7 @@ fn equal(forward: [f64; 2], path_m: f64) -> Finding {
     let [left, right] = forward;
     let ratio = left / right.max(1.0);
     let text = format!("both wheels count up; left over right is {ratio:.3} over {path_m:.1} m");
-    if (1.0 - MOST_UNEQUAL..=1.0 / (1.0 - MOST_UNEQUAL)).contains(&ratio) {
+    if (1.0 - MAX_UNEQUAL..=1.0 / (1.0 - MAX_UNEQUAL)).contains(&ratio) {
         return Finding::ok("wheels.ahead", text);
     }
     let fix = "if it was pushed straight: one encoder loses edges (check its channel B and its magnet), or the wheels differ in size";

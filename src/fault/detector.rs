@@ -1,15 +1,15 @@
-//! Which sensors to distrust: gathers the evidence of one sweep and lets [`Suspicion`] weigh it, sensor by sensor.
+//! Which sensors to distrust: gathers the evidence of one sweep and lets [`FaultTest`] weigh it, sensor by sensor.
 //!
 //! The evidence is what the board reports, what PCA over three instants leaves unexplained ([`super::pca`]), what the neighbours
 //! see ([`super::neighbours`]), and what the map expects. All but the map's is there from the first sweeps on, without a pose.
 
 use super::evidence::{Evidence, Expected};
+use super::fault_test::FaultTest;
 use super::neighbours::Neighbours;
-use super::pca::{PcaBlock, trust};
-use super::suspicion::Suspicion;
+use super::pca::{PcaBlock, cauchy_weight};
 use crate::event::{Event, FaultEvent, SensorState};
 use crate::geometry::Ring;
-use crate::memory::{Impossible, SensorMemory};
+use crate::saved_state::{InvalidState, SensorHistory};
 use crate::sweep::{Beam, NoMeasurement, Sweep};
 
 /// Watches all sensors.
@@ -17,7 +17,7 @@ use crate::sweep::{Beam, NoMeasurement, Sweep};
 pub struct Detector {
     pca: PcaBlock,
     neighbours: Neighbours,
-    sensors: Vec<Suspicion>,
+    sensors: Vec<FaultTest>,
     states: Vec<SensorState>,
     last_m: Vec<f64>,
     /// True once a wheel has turned: a robot whose wheels tell nothing is believed to drive when its readings change.
@@ -37,7 +37,7 @@ const LEVER_M: f64 = 0.5;
 /// Readings change only by the part of the motion that is along their beams.
 const PASSED_WHILE_STIRRED: f64 = 3.0;
 /// A reading's change counts as motion up to this, metres: what jumps farther has looked at something else.
-const MOST_CHANGE_M: f64 = 0.1;
+const MAX_CHANGE_M: f64 = 0.1;
 
 impl Detector {
     /// A detector for a ring whose sensors all begin healthy.
@@ -46,7 +46,7 @@ impl Detector {
         Self {
             pca: PcaBlock::new(ring.len(), max_range_m),
             neighbours: Neighbours::new(ring),
-            sensors: vec![Suspicion::default(); ring.len()],
+            sensors: vec![FaultTest::default(); ring.len()],
             states: vec![SensorState::Healthy; ring.len()],
             last_m: vec![f64::NAN; ring.len()],
             has_wheels: false,
@@ -62,21 +62,21 @@ impl Detector {
 
     /// What is known of the sensors, by id.
     #[must_use]
-    pub fn memory(&self) -> Vec<SensorMemory> {
-        self.sensors.iter().map(Suspicion::memory).collect()
+    pub fn saved_state(&self) -> Vec<SensorHistory> {
+        self.sensors.iter().map(FaultTest::saved_state).collect()
     }
 
     /// Takes over what was known of the sensors; each keeps its state until its readings speak against it.
     ///
     /// # Errors
     /// Where a sensor was as no sensor can be.
-    pub fn restore(&mut self, sensors: &[SensorMemory]) -> Result<(), Impossible> {
+    pub fn restore(&mut self, sensors: &[SensorHistory]) -> Result<(), InvalidState> {
         // All are looked at: the ring may become known later.
-        let remembered = sensors.iter().map(Suspicion::restore).collect::<Result<Vec<_>, _>>()?;
-        for (suspicion, remembered) in self.sensors.iter_mut().zip(remembered) {
-            *suspicion = remembered;
+        let remembered = sensors.iter().map(FaultTest::restore).collect::<Result<Vec<_>, _>>()?;
+        for (fault_test, remembered) in self.sensors.iter_mut().zip(remembered) {
+            *fault_test = remembered;
         }
-        for (state, SensorMemory { state: remembered, .. }) in self.states.iter_mut().zip(sensors) {
+        for (state, SensorHistory { state: remembered, .. }) in self.states.iter_mut().zip(sensors) {
             *state = *remembered;
         }
         Ok(())
@@ -85,7 +85,7 @@ impl Detector {
     /// The evidence against a sensor: its strongest log-likelihood ratio, 6 convicts. NaN where there is no such sensor.
     #[must_use]
     pub fn score(&self, sensor: usize) -> f64 {
-        self.sensors.get(sensor).map_or(f64::NAN, Suspicion::score)
+        self.sensors.get(sensor).map_or(f64::NAN, FaultTest::score)
     }
 
     /// Root of what PCA leaves unexplained of a sensor's last readings, metres.
@@ -104,7 +104,7 @@ impl Detector {
     pub fn inspect(&mut self, sweep: &Sweep, expected: impl Fn(&Beam) -> Option<Expected>, events: &mut Vec<Event>) {
         let has_residuals = self.pca.push(sweep);
         if has_residuals {
-            self.pca.analyse(|_, variation_m2| trust(variation_m2, CALM_M2).powi(2));
+            self.pca.analyse(|_, variation_m2| cauchy_weight(variation_m2, CALM_M2).powi(2));
         }
         self.has_wheels |= sweep.left_m != 0.0 || sweep.right_m != 0.0;
         let stirred_m = if self.has_wheels { 0.0 } else { self.stirred_m(sweep) };
@@ -125,12 +125,12 @@ impl Detector {
                 passed_m: passed_m(sweep, beam, seen.map_or(0.0, |seen| seen.range_m))
                     .max(PASSED_WHILE_STIRRED * stirred_m),
             };
-            let suspicion = &mut self.sensors[sensor];
-            suspicion.weigh(&evidence);
-            let state = suspicion.verdict();
+            let fault_test = &mut self.sensors[sensor];
+            fault_test.weigh(&evidence);
+            let state = fault_test.verdict();
             if state != self.states[sensor] {
                 self.states[sensor] = state;
-                let reason = suspicion.reason(sensor, &evidence);
+                let reason = fault_test.reason(sensor, &evidence);
                 events.push(Event::Fault(FaultEvent { at: sweep.at, sensor, state, reason }));
             }
         }
@@ -143,7 +143,7 @@ impl Detector {
         for (sensor, (beam, last_m)) in sweep.beams.iter().zip(&mut self.last_m).enumerate() {
             let change_m = (beam.range_m - *last_m).abs();
             if change_m.is_finite() && self.states[sensor] == SensorState::Healthy {
-                sum_m += change_m.min(MOST_CHANGE_M);
+                sum_m += change_m.min(MAX_CHANGE_M);
                 count += 1.0;
             }
             *last_m = beam.range_m;

@@ -59,18 +59,18 @@ pub struct EncoderChange {
 /// by more than the angle between two sensors.
 const STEP_M: f64 = 0.15;
 /// Older readings than so many sweeps compare badly.
-const MOST_SWEEPS: u64 = 40;
+const MAX_SWEEPS: u64 = 40;
 /// A wheel that has rolled less than this says nothing of its direction, metres.
-const LEAST_ROLLED_M: f64 = 0.05;
+const MIN_ROLLED_M: f64 = 0.05;
 /// An encoder with less than this share of the other's count does not count.
 const DEAD_SHARE: f64 = 0.02;
 /// How a wheel that does not count may have rolled, as shares of the other's way.
 const ROLLED_SHARES: [f64; 10] = [-1.4, -1.1, -0.8, -0.5, 0.4, 0.6, 0.8, 1.0, 1.2, 1.4];
 /// What a difference of the mean costs weighs: as many endpoints as are independent. One step adds no more than the other.
 const GAIN: f64 = 3.0;
-const MOST_ADDED: f64 = 3.0;
+const MAX_ADDED: f64 = 3.0;
 /// Above this an encoder is convicted; above the other it is suspected.
-const CONVICT: f64 = 12.0;
+const DECLARE: f64 = 12.0;
 const SUSPECT: f64 = 3.0;
 /// A dead encoder that counts in so many steps in a row counts again.
 const COUNTED_STEPS: u32 = 4;
@@ -127,7 +127,7 @@ impl EncoderWatch {
         if left_m.abs().max(right_m.abs()) >= STEP_M {
             self.weigh(sweep, &is_trusted);
             self.look(sweep, is_trusted);
-        } else if sweep.index.saturating_sub(since_sweep) > MOST_SWEEPS {
+        } else if sweep.index.saturating_sub(since_sweep) > MAX_SWEEPS {
             self.look(sweep, is_trusted);
         }
         let change = self.verdict()?;
@@ -158,7 +158,7 @@ impl EncoderWatch {
                 let costs = ROLLED_SHARES.iter().filter_map(|share| cost(with(rolled_m, wheel, share * other_m)));
                 dead[wheel] = costs.min_by(f64::total_cmp);
             }
-            if counts == [true; 2] && is_dead == [false; 2] && rolled_m[wheel].abs() > LEAST_ROLLED_M {
+            if counts == [true; 2] && is_dead == [false; 2] && rolled_m[wheel].abs() > MIN_ROLLED_M {
                 reversed[wheel] = cost(with(rolled_m, wheel, -rolled_m[wheel]));
             }
         }
@@ -178,8 +178,8 @@ impl EncoderWatch {
     }
 
     fn verdict(&mut self) -> Option<EncoderChange> {
-        let guilty = |trial: &Trial| trial.state != EncoderState::Dead && trial.dead.ratio >= CONVICT;
-        let backwards = |trial: &Trial| trial.reversed.ratio >= CONVICT;
+        let guilty = |trial: &Trial| trial.state != EncoderState::Dead && trial.dead.ratio >= DECLARE;
+        let backwards = |trial: &Trial| trial.reversed.ratio >= DECLARE;
         let healed = |trial: &Trial| trial.state == EncoderState::Dead && trial.counted >= COUNTED_STEPS;
         let changed = |trial: &Trial| guilty(trial) || backwards(trial) || healed(trial);
         let place = self.trials.iter().position(changed)?;
@@ -207,7 +207,7 @@ impl EncoderWatch {
 impl Sum {
     /// Adds what a step that ends with the sweep `now` says.
     fn add(&mut self, difference: f64, now: u64) {
-        let added = (GAIN * difference).clamp(-MOST_ADDED, MOST_ADDED);
+        let added = (GAIN * difference).clamp(-MAX_ADDED, MAX_ADDED);
         self.ratio = (self.ratio + added).max(0.0);
         if self.ratio <= 0.0 && added < 0.0 {
             self.zero_sweep = Some(now);

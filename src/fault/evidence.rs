@@ -29,7 +29,7 @@ pub struct Expected {
     /// The nearest surface that answers, metres.
     pub range_m: f64,
     /// How surely it is heard, from 0 to 1.
-    pub certainty: f64,
+    pub detection_probability: f64,
 }
 
 /// A reading this far beyond what the neighbours hear is said to be, metres.

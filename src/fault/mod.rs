@@ -3,8 +3,8 @@
 pub mod detector;
 pub mod encoder;
 pub mod evidence;
+pub mod fault_test;
 pub mod neighbours;
 pub mod paper_detector;
 pub mod pca;
 mod profile;
-pub mod suspicion;

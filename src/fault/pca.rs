@@ -123,7 +123,7 @@ impl PcaBlock {
 
 /// A sensor's say, 1 / (1 + m / tau) for its mean square m: 1 for a calm sensor, towards 0 for a wild one.
 #[must_use]
-pub fn trust(mean_square_m2: f64, tau_m2: f64) -> f64 {
+pub fn cauchy_weight(mean_square_m2: f64, tau_m2: f64) -> f64 {
     1.0 / (1.0 + mean_square_m2 / tau_m2)
 }
 
@@ -275,7 +275,7 @@ mod tests {
         let mut block = block(&[at(0.0, 1.0), at(0.1, 2.8), at(0.2, 0.4)]);
         block.analyse(|_, _| 1.0);
         let plain = block.residuals_m2().to_vec();
-        block.analyse(|_, variation_m2| trust(variation_m2, 0.001));
+        block.analyse(|_, variation_m2| cauchy_weight(variation_m2, 0.001));
         let fair = block.residuals_m2();
         assert!(plain[3] < 0.01 && fair[3] > 0.1, "{plain:?} {fair:?}");
         assert!(fair[0] < 0.1 * plain[0], "{plain:?} {fair:?}");

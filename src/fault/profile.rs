@@ -32,9 +32,9 @@ const DIRECTIONS: usize = 72;
 const ASIDE_RAD: f64 = 23.0 / 180.0 * std::f64::consts::PI;
 /// Spread of an endpoint that the right motion predicts, metres, and the most that one endpoint may cost.
 const SIGMA_M: f64 = 0.08;
-const MOST_COST: f64 = 4.0;
+const MAX_COST: f64 = 4.0;
 /// Fewer endpoints compare nothing.
-const LEAST_COMPARED: f64 = 4.0;
+const MIN_COMPARED: f64 = 4.0;
 
 impl Comparer {
     pub(super) fn new(ring: &Ring) -> Self {
@@ -93,10 +93,10 @@ impl Comparer {
             let Sensor { place, cos, sin } = self.sensors[index];
             let expected_m = (x_m - place.x_m) * cos + (y_m - place.y_m) * sin;
             let off = (range_m - expected_m) / SIGMA_M;
-            sum += (0.5 * off * off).min(MOST_COST);
+            sum += (0.5 * off * off).min(MAX_COST);
             compared += 1.0;
         }
-        (compared >= LEAST_COMPARED).then(|| sum / compared)
+        (compared >= MIN_COMPARED).then(|| sum / compared)
     }
 }
 

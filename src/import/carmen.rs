@@ -24,7 +24,7 @@ const NOTHING_M: f64 = 80.0;
 /// Sensors that look further back than this see no beam, degrees.
 const FARTHEST_DEG: f64 = 90.5;
 /// More beams than any laser has: a longer line is an error.
-const MOST_BEAMS: usize = 100_000;
+const MAX_BEAMS: usize = 100_000;
 
 /// Writes the log `input`, called `file` in errors, as a capture.
 ///
@@ -89,7 +89,7 @@ impl Log {
     fn ranges(&mut self, line: Line<'_>, fields: &[&str], is_sonar: bool) -> Result<(), ImportError> {
         let expected = "the number of ranges, at least 1 (for SONAR that of the configured sensors)";
         let count: usize = line.value(fields, 1, expected)?;
-        if count == 0 || count > MOST_BEAMS || (is_sonar && count != self.looks_deg.len()) {
+        if count == 0 || count > MAX_BEAMS || (is_sonar && count != self.looks_deg.len()) {
             return Err(line.error(&count.to_string(), 1, expected));
         }
         let odometry = pose(line, fields, 2 + count + 3)?;

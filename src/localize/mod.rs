@@ -15,11 +15,11 @@ use crate::event::{Calibration, Event, LockChange, LockEvent, PositionEvent, Sen
 use crate::geometry::{Pose2, Ring, wrap_angle};
 use crate::mapping::grid::OccupancyGrid;
 use crate::mapping::raster::Raster;
-use crate::memory::{Impossible, Memory};
-use crate::position::tracker::Use;
+use crate::position::ekf_slam::Association;
+use crate::saved_state::{InvalidState, SavedState};
 use crate::sweep::Sweep;
 use crate::time::Timestamp;
-use crate::walls::Walls;
+use crate::wall_slam::WallSlam;
 use search::{Found, Place, Searcher};
 
 /// The method at work.
@@ -27,10 +27,10 @@ use search::{Found, Place, Searcher};
 pub struct Localizer {
     config: Config,
     ring: Ring,
-    memory: Box<Memory>,
+    memory: Box<SavedState>,
     known: Raster,
     searcher: Searcher,
-    walls: Box<Walls>,
+    walls: Box<WallSlam>,
     is_found: bool,
     /// The place that the last search believed in.
     before: Option<Place>,
@@ -47,11 +47,11 @@ pub struct Localizer {
 const SEARCH_M: f64 = 0.5;
 const M_PER_RAD: f64 = 0.5;
 /// A map that is wider is not searched: 200 m by 200 m of 5 cm cells, for which the search takes 270 MB.
-const MOST_CELLS: usize = 1 << 24;
+const MAX_CELLS: usize = 1 << 24;
 /// A new map with fewer solid cells says nothing yet: three metres of wall.
-const LEAST_SOLID: usize = 60;
+const MIN_SOLID: usize = 60;
 /// The least fit that is believed, and how far the second best place must stay behind.
-const LEAST_FIT: f64 = 0.55;
+const MIN_FIT: f64 = 0.55;
 const MARGIN: f64 = 0.15;
 /// Two searches agree within this.
 const AGREE_M: f64 = 0.25;
@@ -70,16 +70,16 @@ impl Localizer {
     ///
     /// # Errors
     /// Where the memory holds what cannot be.
-    pub fn new(config: &Config, ring: &Ring, memory: &Memory) -> Result<Self, Impossible> {
+    pub fn new(config: &Config, ring: &Ring, memory: &SavedState) -> Result<Self, InvalidState> {
         let known = OccupancyGrid::restore(&memory.map)?.raster();
-        if known.occupancy.len() > MOST_CELLS {
-            return Err(Impossible("the map is too wide to be searched for the robot"));
+        if known.occupancy.len() > MAX_CELLS {
+            return Err(InvalidState("the map is too wide to be searched for the robot"));
         }
         let mut config = config.clone();
         // Both maps have cells of one size, and the wheels are those of the last drive.
         config.map.cell_m = memory.map.cell_m;
-        let walls = Walls::new(&config, ring);
-        Walls::new(&config, ring).localized(memory, Pose2::default(), FOUND_SIGMA_M)?;
+        let walls = WallSlam::new(&config, ring);
+        WallSlam::new(&config, ring).localized(memory, Pose2::default(), FOUND_SIGMA_M)?;
         Ok(Self {
             ring: ring.clone(),
             memory: Box::new(memory.clone()),
@@ -138,7 +138,7 @@ impl Localizer {
 
     /// The walls method at work inside.
     #[must_use]
-    pub fn walls(&self) -> &Walls {
+    pub fn walls(&self) -> &WallSlam {
         &self.walls
     }
 
@@ -162,8 +162,8 @@ impl Localizer {
 
     fn search(&mut self, at: Timestamp, events: &mut Vec<Event>) -> Option<Found> {
         let pose = self.walls.pose()?;
-        let found = self.searcher.find(&self.walls.raster(), LEAST_SOLID, MARGIN);
-        let believed = found.filter(|found| found.best.fit >= LEAST_FIT && found.rival.is_none());
+        let found = self.searcher.find(&self.walls.raster(), MIN_SOLID, MARGIN);
+        let believed = found.filter(|found| found.best.fit >= MIN_FIT && found.rival.is_none());
         let before = std::mem::replace(&mut self.before, believed.map(|found| found.best));
         let agreed = believed.map(|found| found.best).filter(|best| before.is_some_and(|before| best.agrees(&before)));
         if let Some(place) = agreed {
@@ -173,7 +173,7 @@ impl Localizer {
     }
 
     fn begin(&mut self, at: Timestamp, place: Place, pose: Pose2, events: &mut Vec<Event>) {
-        let fresh = Walls::new(&self.config, &self.ring);
+        let fresh = WallSlam::new(&self.config, &self.ring);
         let local = std::mem::replace(&mut *self.walls, fresh);
         // What was restored once can be restored again.
         let Ok(walls) = local.localized(&self.memory, pose, FOUND_SIGMA_M) else { return };
@@ -192,14 +192,14 @@ impl Localizer {
 
     /// A robot that recognises nothing any more is not where it is believed to be, nor is one that fits nowhere among the walls.
     fn watch(&mut self, at: Timestamp, is_abandoned: bool, events: &mut Vec<Event>) {
-        let uses = self.walls.uses();
-        let hears = uses.iter().any(|used| !matches!(used, Use::Unused));
+        let associations = self.walls.associations();
+        let hears = associations.iter().any(|used| !matches!(used, Association::Unused));
         if hears {
-            let recognises = uses.iter().any(|used| matches!(used, Use::Wall(_)));
+            let recognises = associations.iter().any(|used| matches!(used, Association::Wall(_)));
             self.recognised += FORGET * (f64::from(u8::from(recognises)) - self.recognised);
         }
         if is_abandoned || self.recognised < LOST_SHARE {
-            *self.walls = Walls::new(&self.config, &self.ring);
+            *self.walls = WallSlam::new(&self.config, &self.ring);
             (self.is_found, self.driven_s, self.moved_m, self.has_complained) = (false, 0.0, 0.0, false);
             self.tell(at, "position lost: nothing that is heard is in the map; it is sought again".into(), events);
         }
@@ -229,7 +229,7 @@ fn why_not(found: Option<Found>) -> String {
             100.0 * best.fit,
             100.0 * rival.fit
         ),
-        Some(Found { best, .. }) if best.fit < LEAST_FIT => {
+        Some(Found { best, .. }) if best.fit < MIN_FIT => {
             format!("no place in the map explains more than {:.0} % of what was heard", 100.0 * best.fit)
         }
         Some(_) => "the last two searches disagree".into(),

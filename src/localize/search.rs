@@ -29,7 +29,7 @@ pub struct Found {
 }
 
 /// Points of one kind that are used at most.
-const MOST_POINTS: usize = 500;
+const MAX_POINTS: usize = 500;
 /// Places nearer than this, with the same heading, are the same place, metres.
 const SAME_M: f64 = 0.5;
 
@@ -90,7 +90,7 @@ impl Searcher {
     /// Middles of the cells of one kind, in metres, thinned evenly.
     fn points(&self, new: &Raster, is_kind: impl Fn(usize) -> bool) -> Vec<Point> {
         let cells: Vec<usize> = (0..new.occupancy.len()).filter(|&cell| is_kind(cell)).collect();
-        let stride = cells.len().div_ceil(MOST_POINTS).max(1);
+        let stride = cells.len().div_ceil(MAX_POINTS).max(1);
         let middle = |cell: usize| {
             let (column, row) = (cell % new.width, cell / new.width);
             new.origin + Point::new(column as f64 + 0.5, row as f64 + 0.5).coords * new.cell_m

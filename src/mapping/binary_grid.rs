@@ -19,7 +19,7 @@ use std::collections::BTreeMap;
 pub const CELL_M: f64 = 0.01;
 
 /// Tiles of 64 cm at most: 27 000 square metres in 34 MB.
-const MOST_TILES: usize = 65_536;
+const MAX_TILES: usize = 65_536;
 /// Cells along a tile's side.
 const TILE: i32 = 64;
 /// Cells along the side of a square that is free as a whole.
@@ -84,7 +84,7 @@ impl BinaryGrid {
     }
 
     /// The map drawn over all tiles: occupied 100, crossed by a beam 0, else unknown. Cells are 1 cm, doubled until there are no more
-    /// than [`super::raster::MOST_CELLS`]: a lost robot's map may be large. An empty grid gives an empty raster.
+    /// than [`super::raster::MAX_CELLS`]: a lost robot's map may be large. An empty grid gives an empty raster.
     #[must_use]
     pub fn raster(&self) -> Raster {
         let Some(((left, right), (bottom, top))) = self.bounds() else {
@@ -151,7 +151,7 @@ impl BinaryGrid {
 
     /// The tile, made where it does not exist; none where there is no more room.
     fn tile(&mut self, index: Index) -> Option<&mut Tile> {
-        if self.tiles.len() >= MOST_TILES && !self.tiles.contains_key(&index) {
+        if self.tiles.len() >= MAX_TILES && !self.tiles.contains_key(&index) {
             self.refused += 1;
             return None;
         }
@@ -202,7 +202,7 @@ fn cell(point: Point) -> Option<Index> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::raster::MOST_CELLS;
+    use super::super::raster::MAX_CELLS;
     use super::*;
     use proptest::prelude::*;
 
@@ -259,7 +259,7 @@ mod tests {
             let end = Point::new(0.64 * f64::from(i % 300) + 0.1, 0.64 * f64::from(i / 300) + 0.1);
             grid.mark(Pose2::default(), end, end);
         }
-        assert_eq!((grid.refused(), grid.tiles.len()), (2 + 70_000 - 65_536, MOST_TILES));
+        assert_eq!((grid.refused(), grid.tiles.len()), (2 + 70_000 - 65_536, MAX_TILES));
     }
 
     #[test]
@@ -270,7 +270,7 @@ mod tests {
                 grid.mark(Pose2::default(), Point::new(far, far), Point::new(far, far));
             }
             let raster = grid.raster();
-            assert!(raster.width * raster.height <= MOST_CELLS && raster.cell_m > CELL_M);
+            assert!(raster.width * raster.height <= MAX_CELLS && raster.cell_m > CELL_M);
             assert_eq!((at(&raster, -most, -most), at(&raster, most, most)), (100, 100));
         }
     }

@@ -12,14 +12,14 @@
 //! that meets one steeply ends there and says nothing against it; one that should have been thrown back does. Each cell of a cone
 //! is touched about once: rays split on their way out, where they would be more than a cell apart.
 
-use super::grid::{Facing, OccupancyGrid};
+use super::grid::{OccupancyGrid, WallNormal};
 use crate::geometry::{Point, Pose2};
 
 /// What the beam's return came from.
 #[derive(Clone, Copy, Debug)]
-pub enum Target {
+pub enum ReturnKind {
     /// A wall, at this point, with this side toward the sensor.
-    Wall(Point, Facing),
+    Wall(Point, WallNormal),
     /// Something on the arc.
     Something,
     /// Nothing was heard.
@@ -41,36 +41,42 @@ const CLEARED_PART: f64 = 0.7;
 /// The part of the full range that a beam without an echo clears.
 const UNHEARD_PART: f64 = 0.6;
 /// Rays of a cone at most; a wider or longer one is cleared less densely at its end.
-const MOST_RAYS: usize = 64;
+const MAX_RAYS: usize = 64;
 /// Sine of the incidence from which on a wall is a mirror: 30 degrees.
 const SIN_MIRROR: f64 = 0.5;
 
 /// Clears the cone of one beam and, where it heard something, marks what that was.
-pub fn draw(grid: &mut OccupancyGrid, map_from_sensor: Pose2, half_angle_rad: f64, range_m: f64, target: Target) {
-    let (reach_m, free) = match target {
-        Target::Nothing => (UNHEARD_PART * range_m, FREE_UNHEARD),
-        Target::Wall(..) | Target::Something => (range_m - 1.5 * grid.cell_m(), FREE),
+pub fn integrate_beam(
+    grid: &mut OccupancyGrid,
+    map_from_sensor: Pose2,
+    half_angle_rad: f64,
+    range_m: f64,
+    kind: ReturnKind,
+) {
+    let (reach_m, free) = match kind {
+        ReturnKind::Nothing => (UNHEARD_PART * range_m, FREE_UNHEARD),
+        ReturnKind::Wall(..) | ReturnKind::Something => (range_m - 1.5 * grid.cell_m(), FREE),
     };
     let fan = Fan::new(map_from_sensor, CLEARED_PART * half_angle_rad, reach_m, grid.cell_m());
     let (count, is_open) = fan.clear(grid, free);
-    match target {
-        Target::Wall(point, facing) => mark_wall(grid, point, facing),
-        Target::Something => mark_arc(grid, &fan, range_m, &is_open[..count]),
-        Target::Nothing => {}
+    match kind {
+        ReturnKind::Wall(point, normal) => mark_wall(grid, point, normal),
+        ReturnKind::Something => mark_arc(grid, &fan, range_m, &is_open[..count]),
+        ReturnKind::Nothing => {}
     }
 }
 
 /// Marks the point of a wall that echoed, without clearing the way to it.
-pub fn mark_wall(grid: &mut OccupancyGrid, point: Point, facing: Facing) {
+pub fn mark_wall(grid: &mut OccupancyGrid, point: Point, normal: WallNormal) {
     let cell = grid.cell(point);
-    let (across, along) = match facing {
-        Facing::X => ((1, 0), (0, 1)),
-        Facing::Y => ((0, 1), (1, 0)),
+    let (across, along) = match normal {
+        WallNormal::X => ((1, 0), (0, 1)),
+        WallNormal::Y => ((0, 1), (1, 0)),
     };
     for (step, hundredths) in [(0, WALL), (-1, WALL_BESIDE), (1, WALL_BESIDE)] {
         let here = cell.offset(step * along.0, step * along.1);
         grid.add(here, hundredths);
-        grid.face(here, facing);
+        grid.face(here, normal);
         for behind in [-2, -1, 1, 2] {
             grid.fade(here.offset(behind * across.0, behind * across.1), here, hundredths / 2);
         }
@@ -119,18 +125,18 @@ struct Fan {
     /// Rays: about as many as the cone is cells wide at its end, and one.
     count: usize,
     /// Cosine and sine of each ray's direction.
-    directions: [(f64, f64); MOST_RAYS],
+    directions: [(f64, f64); MAX_RAYS],
 }
 
 impl Fan {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
     fn new(map_from_sensor: Pose2, half_angle_rad: f64, reach_m: f64, cell_m: f64) -> Self {
         let wide = 2.0 * half_angle_rad * reach_m / cell_m;
-        let steps = wide.ceil().clamp(0.0, (MOST_RAYS - 1) as f64);
+        let steps = wide.ceil().clamp(0.0, (MAX_RAYS - 1) as f64);
         let first_rad = map_from_sensor.theta_rad - if steps > 0.0 { half_angle_rad } else { 0.0 };
         let (sin, cos) = libm::sincos(first_rad);
         let (sin_step, cos_step) = libm::sincos(2.0 * half_angle_rad / steps.max(1.0));
-        let (mut directions, count) = ([(cos, sin); MOST_RAYS], steps as usize + 1);
+        let (mut directions, count) = ([(cos, sin); MAX_RAYS], steps as usize + 1);
         for ray in 1..count {
             let (cos, sin) = directions[ray - 1];
             directions[ray] = (cos * cos_step - sin * sin_step, sin * cos_step + cos * sin_step);
@@ -139,9 +145,9 @@ impl Fan {
     }
 
     /// Clears along the rays; gives how many there are and which of them got all the way.
-    fn clear(&self, grid: &mut OccupancyGrid, free: i16) -> (usize, [bool; MOST_RAYS]) {
+    fn clear(&self, grid: &mut OccupancyGrid, free: i16) -> (usize, [bool; MAX_RAYS]) {
         let count = self.count;
-        let (mut ends_m, mut is_open) = ([f64::INFINITY; MOST_RAYS], [false; MOST_RAYS]);
+        let (mut ends_m, mut is_open) = ([f64::INFINITY; MAX_RAYS], [false; MAX_RAYS]);
         let mut spread = count.next_power_of_two();
         ends_m[0] = self.ray(grid, 0, 0.0, free);
         while spread > 1 {
@@ -165,9 +171,9 @@ impl Fan {
         let first_m = start_m + 0.5 * grid.cell_m();
         let ray = grid.ray(self.origin, (cos, sin), first_m, self.reach_m);
         let Some((step, cell)) = grid.clear(ray, free, OPAQUE) else { return f64::INFINITY };
-        let against = match grid.facing(cell) {
-            Some(Facing::X) if sin.abs() > SIN_MIRROR => 0,
-            Some(Facing::Y) if cos.abs() > SIN_MIRROR => 0,
+        let against = match grid.normal(cell) {
+            Some(WallNormal::X) if sin.abs() > SIN_MIRROR => 0,
+            Some(WallNormal::Y) if cos.abs() > SIN_MIRROR => 0,
             Some(_) => WALL_CONTRADICTED,
             None => CONTRADICTED,
         };
@@ -187,7 +193,7 @@ mod tests {
         let mut grid = OccupancyGrid::new(0.05);
         let point = Point::new(1.52, 0.02);
         for _ in 0..16 {
-            draw(&mut grid, HERE, 0.2, 1.5, Target::Wall(point, Facing::X));
+            integrate_beam(&mut grid, HERE, 0.2, 1.5, ReturnKind::Wall(point, WallNormal::X));
         }
         assert!(grid.log_odds(grid.cell(point)) > 300);
         assert!(grid.log_odds(grid.cell(Point::new(1.0, 0.02))) < -30);
@@ -197,7 +203,7 @@ mod tests {
     #[test]
     fn every_cell_of_a_cone_is_cleared() {
         let mut grid = OccupancyGrid::new(0.05);
-        draw(&mut grid, HERE, 0.25, 3.0, Target::Something);
+        integrate_beam(&mut grid, HERE, 0.25, 3.0, ReturnKind::Something);
         for index in 0..1000 {
             let (distance_m, share) = (0.1 + 0.275 * f64::from(index / 100), f64::from(index % 100) / 50.0 - 1.0);
             let (sin, cos) = libm::sincos(0.95 * CLEARED_PART * 0.25 * share);
@@ -211,7 +217,7 @@ mod tests {
         let mut grid = OccupancyGrid::new(0.05);
         let wall = grid.cell(Point::new(1.02, 0.02));
         grid.add(wall, 400);
-        draw(&mut grid, HERE, 0.0, 3.0, Target::Nothing);
+        integrate_beam(&mut grid, HERE, 0.0, 3.0, ReturnKind::Nothing);
         assert_eq!(grid.log_odds(grid.cell(Point::new(1.3, 0.02))), 0);
         assert!(grid.log_odds(wall) > 300);
         assert!(grid.log_odds(grid.cell(Point::new(0.5, 0.02))) < 0);
@@ -219,13 +225,13 @@ mod tests {
 
     #[test]
     fn a_mirror_is_not_contradicted_from_the_side() {
-        for (facing, is_contradicted) in [(Facing::X, true), (Facing::Y, false)] {
+        for (normal, is_contradicted) in [(WallNormal::X, true), (WallNormal::Y, false)] {
             let mut grid = OccupancyGrid::new(0.05);
             let wall = grid.cell(Point::new(1.02, 0.02));
             grid.add(wall, 400);
-            grid.face(wall, facing);
-            draw(&mut grid, HERE, 0.0, 2.0, Target::Something);
-            assert_eq!(grid.log_odds(wall) < 400, is_contradicted, "{facing:?}");
+            grid.face(wall, normal);
+            integrate_beam(&mut grid, HERE, 0.0, 2.0, ReturnKind::Something);
+            assert_eq!(grid.log_odds(wall) < 400, is_contradicted, "{normal:?}");
         }
     }
 
@@ -234,7 +240,7 @@ mod tests {
         let mut grid = OccupancyGrid::new(0.05);
         let post = Point::new(1.525, 0.125);
         grid.add(grid.cell(post), 200);
-        draw(&mut grid, HERE, 0.2, (post - HERE.position()).norm(), Target::Something);
+        integrate_beam(&mut grid, HERE, 0.2, (post - HERE.position()).norm(), ReturnKind::Something);
         assert!(grid.log_odds(grid.cell(post)) > 200);
         assert_eq!(grid.log_odds(grid.cell(Point::new(1.525, -0.085))), 0);
     }
@@ -245,7 +251,7 @@ mod tests {
         for index in 0..400 {
             // Most readings are right, one in five is a cell too far and one in five a cell too near.
             let range_m = 1.5 + 0.05 * [0.0, 0.0, 1.0, 0.0, -1.0][index % 5];
-            draw(&mut grid, HERE, 0.0, range_m, Target::Something);
+            integrate_beam(&mut grid, HERE, 0.0, range_m, ReturnKind::Something);
         }
         let value = |x: f64| grid.log_odds(grid.cell(Point::new(x, 0.02)));
         assert!(

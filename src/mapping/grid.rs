@@ -11,7 +11,7 @@ pub use patch::{MapChange, Patch, percents};
 pub use ray::{Ray, Reader};
 
 use crate::geometry::Point;
-use crate::memory::{Impossible, MapMemory, TileMemory};
+use crate::saved_state::{InvalidState, MapState, TileState};
 use rustc_hash::FxHashMap;
 
 /// Cells along a tile's side.
@@ -20,7 +20,7 @@ const TILE: usize = SIDE.unsigned_abs() as usize;
 /// Tiles at most: 10,000 m² of 5 cm cells take about 4,000.
 const MAX_TILES: usize = 16_384;
 /// The rectangle round all tiles holds no more: 1.3 km² of 5 cm cells. One tile far off must not make the picture of all of them useless.
-const MOST_ENCLOSED: u64 = 1 << 19;
+const MAX_ENCLOSED: u64 = 1 << 19;
 /// No tile lies farther from the origin: no cell does, see [`OccupancyGrid::cell`].
 const FARTHEST_TILE: u32 = 4_000_000;
 /// Log-odds are clamped here, in hundredths: p from 0.04 to 0.98.
@@ -46,7 +46,7 @@ impl Cell {
 
 /// The axis that a wall's normal lies along.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Facing {
+pub enum WallNormal {
     /// The wall runs along y.
     X,
     /// The wall runs along x.
@@ -58,17 +58,17 @@ struct Tile {
     /// Log-odds, hundredths.
     cells: [i16; TILE * TILE],
     /// Two bits per row and column: a wall that faces along x, along y.
-    facing: [[u32; 2]; TILE],
+    normal: [[u32; 2]; TILE],
     /// The grid's revision at the last change.
     revision: u64,
 }
 
 impl Tile {
     /// The one axis that the wall in a cell faces along.
-    fn facing(&self, row: usize, bit: u32) -> Option<Facing> {
-        match self.facing[row].map(|bits| bits & bit != 0) {
-            [true, false] => Some(Facing::X),
-            [false, true] => Some(Facing::Y),
+    fn normal(&self, row: usize, bit: u32) -> Option<WallNormal> {
+        match self.normal[row].map(|bits| bits & bit != 0) {
+            [true, false] => Some(WallNormal::X),
+            [false, true] => Some(WallNormal::Y),
             _ => None,
         }
     }
@@ -163,18 +163,18 @@ impl OccupancyGrid {
     }
 
     /// The wall in a cell faces along this axis; one that has faced along both is no mirror.
-    pub fn face(&mut self, cell: Cell, facing: Facing) {
+    pub fn face(&mut self, cell: Cell, normal: WallNormal) {
         if let Some(tile) = self.tile(cell) {
             let (row, bit) = bit_in_tile(cell);
-            tile.facing[row][facing as usize] |= bit;
+            tile.normal[row][normal as usize] |= bit;
         }
     }
 
     /// The one axis that the wall in a cell faces along; none where that is not known.
     #[must_use]
-    pub fn facing(&self, cell: Cell) -> Option<Facing> {
+    pub fn normal(&self, cell: Cell) -> Option<WallNormal> {
         let (row, bit) = bit_in_tile(cell);
-        self.tiles[self.place(tile_of(cell))?].facing(row, bit)
+        self.tiles[self.place(tile_of(cell))?].normal(row, bit)
     }
 
     /// A cell's log-odds in hundredths; 0 where nothing is known.
@@ -185,40 +185,40 @@ impl OccupancyGrid {
 
     /// The tiles as plain numbers, in the order of their places.
     #[must_use]
-    pub fn memory(&self) -> MapMemory {
+    pub fn saved_state(&self) -> MapState {
         let mut places: Vec<_> = self.places.iter().collect();
         places.sort_unstable();
         let tile = |(&(column, row), &place): (&(i32, i32), &usize)| {
-            let Tile { cells, facing, .. } = &*self.tiles[place];
-            TileMemory { column, row, log_odds: cells.to_vec(), facing: facing.to_vec() }
+            let Tile { cells, normal, .. } = &*self.tiles[place];
+            TileState { column, row, log_odds: cells.to_vec(), normal: normal.to_vec() }
         };
-        MapMemory { cell_m: self.cell_m, tiles: places.into_iter().map(tile).collect() }
+        MapState { cell_m: self.cell_m, tiles: places.into_iter().map(tile).collect() }
     }
 
     /// The grid that wrote the memory.
     ///
     /// # Errors
     /// Where cells or tiles are none that a grid could have.
-    pub fn restore(memory: &MapMemory) -> Result<Self, Impossible> {
+    pub fn restore(memory: &MapState) -> Result<Self, InvalidState> {
         if !(0.005..=1.0).contains(&memory.cell_m) || memory.tiles.len() > MAX_TILES {
-            return Err(Impossible("the map's cells are of no usable size or number"));
+            return Err(InvalidState("the map's cells are of no usable size or number"));
         }
         let mut grid = Self::new(memory.cell_m);
         for tile in &memory.tiles {
-            let (Ok(cells), Ok(facing)) = (tile.log_odds[..].try_into(), tile.facing[..].try_into()) else {
-                return Err(Impossible("a tile of the map is not whole"));
+            let (Ok(cells), Ok(normal)) = (tile.log_odds[..].try_into(), tile.normal[..].try_into()) else {
+                return Err(InvalidState("a tile of the map is not whole"));
             };
             if tile.log_odds.iter().any(|value| !(FLOOR..=CEILING).contains(value)) {
-                return Err(Impossible("a tile of the map holds what no tile can"));
+                return Err(InvalidState("a tile of the map holds what no tile can"));
             }
             grid.extent = grid.extended((tile.column, tile.row));
             if grid.extent.is_none() {
-                return Err(Impossible("a tile of the map lies too far from the others"));
+                return Err(InvalidState("a tile of the map lies too far from the others"));
             }
             if grid.places.insert((tile.column, tile.row), grid.tiles.len()).is_some() {
-                return Err(Impossible("a tile of the map is there twice"));
+                return Err(InvalidState("a tile of the map is there twice"));
             }
-            grid.tiles.push(Box::new(Tile { cells, facing, revision: 0 }));
+            grid.tiles.push(Box::new(Tile { cells, normal, revision: 0 }));
         }
         Ok(grid)
     }
@@ -249,7 +249,7 @@ impl OccupancyGrid {
                     return None;
                 };
                 self.extent = Some(extent);
-                self.tiles.push(Box::new(Tile { cells: [0; TILE * TILE], facing: [[0; 2]; TILE], revision: 0 }));
+                self.tiles.push(Box::new(Tile { cells: [0; TILE * TILE], normal: [[0; 2]; TILE], revision: 0 }));
                 self.places.insert(key, place);
                 place
             }
@@ -265,7 +265,7 @@ impl OccupancyGrid {
         let (low, high) = ([left.min(column), bottom.min(row)], [right.max(column), top.max(row)]);
         let [columns, rows] = [0, 1].map(|axis| u64::from(high[axis].abs_diff(low[axis])) + 1);
         let is_near = [low, high].as_flattened().iter().all(|place| place.unsigned_abs() < FARTHEST_TILE);
-        (is_near && columns * rows <= MOST_ENCLOSED).then_some([low, high])
+        (is_near && columns * rows <= MAX_ENCLOSED).then_some([low, high])
     }
 }
 
@@ -293,7 +293,7 @@ const fn bit_in_tile(cell: Cell) -> (usize, u32) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mapping::raster::MOST_CELLS;
+    use crate::mapping::raster::MAX_CELLS;
     use proptest::prelude::*;
 
     proptest! {
@@ -336,14 +336,14 @@ mod tests {
     #[test]
     fn a_restored_grid_knows_what_it_knew() {
         let mut grid = OccupancyGrid::new(0.05);
-        for (column, facing) in [(40, Facing::X), (-3, Facing::Y)] {
+        for (column, normal) in [(40, WallNormal::X), (-3, WallNormal::Y)] {
             grid.add(Cell { column, row: -70 }, 90);
-            grid.face(Cell { column, row: -70 }, facing);
+            grid.face(Cell { column, row: -70 }, normal);
         }
-        let restored = OccupancyGrid::restore(&grid.memory()).unwrap();
-        assert_eq!(restored.memory(), grid.memory());
-        assert_eq!(restored.facing(Cell { column: -3, row: -70 }), Some(Facing::Y));
-        let mut far = grid.memory();
+        let restored = OccupancyGrid::restore(&grid.saved_state()).unwrap();
+        assert_eq!(restored.saved_state(), grid.saved_state());
+        assert_eq!(restored.normal(Cell { column: -3, row: -70 }), Some(WallNormal::Y));
+        let mut far = grid.saved_state();
         far.tiles[0].column = i32::MIN;
         assert!(OccupancyGrid::restore(&far).is_err());
     }
@@ -366,7 +366,7 @@ mod tests {
         }
         let raster = grid.raster();
         let at = |point| raster.cell(point).map(|(column, row)| raster.occupancy[row * raster.width + column]);
-        assert!(raster.occupancy.len() <= MOST_CELLS && raster.cell_m > 0.05);
+        assert!(raster.occupancy.len() <= MAX_CELLS && raster.cell_m > 0.05);
         assert_eq!(raster.occupancy.iter().filter(|&&value| value > 90).count(), 2);
         assert!(at(near) > Some(90) && at(far) > Some(90));
     }

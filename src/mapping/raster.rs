@@ -3,7 +3,7 @@
 use crate::geometry::Point;
 
 /// Cells of a raster at most: 200 m by 200 m at 5 cm. A larger map is drawn coarser.
-pub const MOST_CELLS: usize = 1 << 24;
+pub const MAX_CELLS: usize = 1 << 24;
 
 /// A rectangle of cells in the map frame, with the values of a ROS `OccupancyGrid`.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -24,10 +24,10 @@ impl Raster {
     /// The value of unknown cells.
     pub const UNKNOWN: i8 = -1;
 
-    /// How many cells along a side of a `columns` by `rows` map become one, a power of two, for no more than [`MOST_CELLS`] in all.
+    /// How many cells along a side of a `columns` by `rows` map become one, a power of two, for no more than [`MAX_CELLS`] in all.
     pub(super) const fn coarseness(columns: usize, rows: usize) -> usize {
         let mut merge = 1;
-        while columns.div_ceil(merge) * rows.div_ceil(merge) > MOST_CELLS {
+        while columns.div_ceil(merge) * rows.div_ceil(merge) > MAX_CELLS {
             merge *= 2;
         }
         merge

@@ -75,7 +75,7 @@ impl<'a> Canvas<'a> {
 
     /// A straight line; what lies outside is cut off.
     pub(super) fn line(&mut self, from: Point, to: Point, pen: Pen) {
-        let steps = ((to - from).norm() / self.dot_m * 1.5).clamp(1.0, MOST_STEPS);
+        let steps = ((to - from).norm() / self.dot_m * 1.5).clamp(1.0, MAX_STEPS);
         for step in 0..=whole(steps) {
             let part = f64::from(step) / steps.floor();
             if let Some(dot) = self.dot(from + (to - from) * part) {
@@ -109,7 +109,7 @@ impl<'a> Canvas<'a> {
 }
 
 /// A line on no screen has more dots.
-const MOST_STEPS: f64 = 4_000.0;
+const MAX_STEPS: f64 = 4_000.0;
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a place on a screen")]
 fn whole(number: f64) -> u16 {

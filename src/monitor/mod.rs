@@ -19,6 +19,6 @@ mod snapshot;
 mod view;
 
 pub use rates::{RateMeter, Rates};
-pub use screen::{LEAST_HEIGHT, LEAST_WIDTH, draw};
+pub use screen::{MIN_HEIGHT, MIN_WIDTH, draw};
 pub use snapshot::{Beam, BeamState, Line, Plan, Snapshot, Tone};
 pub use view::{Look, View};

@@ -28,21 +28,21 @@ pub struct RateMeter {
 /// Rates are means over this long, seconds.
 const WINDOW_S: f64 = 2.0;
 /// Over less than this a rate means nothing, seconds.
-const LEAST_S: f64 = 0.25;
-const MOST_KEPT: usize = 64;
+const MIN_S: f64 = 0.25;
+const MAX_KEPT: usize = 64;
 
 impl RateMeter {
     /// Takes the counters at `at`; the rates up to there, 0 while too little time has passed.
     pub fn rates(&mut self, at: Timestamp, now: Counters) -> Rates {
         self.past.push_back((at, now));
-        while self.past.len() > MOST_KEPT
+        while self.past.len() > MAX_KEPT
             || self.past.get(1).is_some_and(|(second, _)| at.seconds_since(*second) >= WINDOW_S)
         {
             self.past.pop_front();
         }
         let Some(&(since, then)) = self.past.front() else { return Rates::default() };
         let seconds = at.seconds_since(since);
-        if seconds < LEAST_S {
+        if seconds < MIN_S {
             return Rates::default();
         }
         // A late frame takes itself off the missing ones again: a rate below zero is none.

@@ -10,9 +10,9 @@ use ratatui::text::{Line, Span, Text};
 use ratatui::widgets::{Block, Paragraph, Widget as _, Wrap};
 
 /// The smallest screen on which everything is legible, columns.
-pub const LEAST_WIDTH: u16 = 80;
+pub const MIN_WIDTH: u16 = 80;
 /// The same, rows.
-pub const LEAST_HEIGHT: u16 = 24;
+pub const MIN_HEIGHT: u16 = 24;
 
 /// Rows of title and link; of the pictures at least; of keys.
 const HEAD: u16 = 3;
@@ -25,15 +25,15 @@ const FRAME: u16 = 2;
 
 /// Draws one picture over the whole area. `log` is the last lines of the log, oldest first.
 pub fn draw(area: Rect, buffer: &mut Buffer, snapshot: &Snapshot, log: &[String], view: View, look: Look) {
-    if area.width < LEAST_WIDTH || area.height < LEAST_HEIGHT {
+    if area.width < MIN_WIDTH || area.height < MIN_HEIGHT {
         let words = format!(
-            "This terminal has {} columns and {} rows; slamd monitor needs {LEAST_WIDTH} and {LEAST_HEIGHT}. q quits.",
+            "This terminal has {} columns and {} rows; slamd monitor needs {MIN_WIDTH} and {MIN_HEIGHT}. q quits.",
             area.width, area.height
         );
         Paragraph::new(words).wrap(Wrap { trim: true }).render(area, buffer);
         return;
     }
-    let words = WORDS + (area.height - LEAST_HEIGHT) / 3;
+    let words = WORDS + (area.height - MIN_HEIGHT) / 3;
     let rows = [Constraint::Length(HEAD), Constraint::Fill(1), Constraint::Length(words), Constraint::Length(KEYS)];
     let [head, pictures, words, keys] = Layout::vertical(rows).areas(area);
     // As wide as high: a cell is twice as high as wide.
@@ -59,7 +59,7 @@ pub fn draw(area: Rect, buffer: &mut Buffer, snapshot: &Snapshot, log: &[String]
 }
 
 /// Rows for faults and log at the least height: what is left.
-const WORDS: u16 = LEAST_HEIGHT - HEAD - KEYS - PICTURES;
+const WORDS: u16 = MIN_HEIGHT - HEAD - KEYS - PICTURES;
 const FEW_KEYS: &str = " q quit   + - zoom   ? all keys";
 const ALL_KEYS: &str = " q, Esc, Ctrl-C quit   + - zoom   c about robot or map   p pause   ? fewer";
 

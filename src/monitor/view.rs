@@ -84,14 +84,14 @@ pub struct View {
     pub help: bool,
 }
 
-const MOST_ZOOM: i8 = 12;
+const MAX_ZOOM: i8 = 12;
 
 impl View {
     /// Acts on a key; false where it means nothing.
     pub fn key(&mut self, key: char) -> bool {
         match key {
-            '+' | '=' => self.zoom = (self.zoom + 1).min(MOST_ZOOM),
-            '-' | '_' => self.zoom = (self.zoom - 1).max(-MOST_ZOOM),
+            '+' | '=' => self.zoom = (self.zoom + 1).min(MAX_ZOOM),
+            '-' | '_' => self.zoom = (self.zoom - 1).max(-MAX_ZOOM),
             'c' => self.follow = !self.follow,
             'p' => self.paused = !self.paused,
             '?' => self.help = !self.help,
@@ -130,8 +130,8 @@ mod tests {
         for _ in 0..100 {
             assert!(view.key('+'));
         }
-        assert_eq!(view.zoom, MOST_ZOOM);
+        assert_eq!(view.zoom, MAX_ZOOM);
         assert!(view.key('c') && view.key('p') && view.key('?') && !view.key('x'));
-        assert_eq!(view, View { zoom: MOST_ZOOM, follow: true, paused: true, help: true });
+        assert_eq!(view, View { zoom: MAX_ZOOM, follow: true, paused: true, help: true });
     }
 }

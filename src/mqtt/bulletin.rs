@@ -7,7 +7,7 @@ use rustc_hash::FxHashMap;
 #[derive(Debug, Default)]
 pub(super) struct Bulletin {
     told: FxHashMap<String, Bytes>,
-    /// Messages for which there was no room. They are not lost: the next moment has newer ones.
+    /// Messages for which there was no room. They are not lost: the next snapshot has newer ones.
     pub(super) dropped: u64,
 }
 

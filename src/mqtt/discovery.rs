@@ -7,7 +7,7 @@ use crate::link::LinkState;
 use serde_json::{Value, json};
 
 /// No board has more.
-const MOST_SENSORS: usize = 32;
+const MAX_SENSORS: usize = 32;
 
 /// Topic and payload of each entity's description, for a ring of `sensors`, 0 while it is not known. The payload is empty, which removes the entity,
 /// for sensors that another ring may have had.
@@ -20,7 +20,7 @@ pub fn discovery(names: &Names, sensors: usize) -> Vec<(String, String)> {
     messages.extend((0..sensors).map(|sensor| self::sensor(names, sensor)));
     if sensors > 0 {
         let surplus =
-            (sensors..MOST_SENSORS).map(|sensor| names.config_topic("binary_sensor", &format!("sensor_{sensor}")));
+            (sensors..MAX_SENSORS).map(|sensor| names.config_topic("binary_sensor", &format!("sensor_{sensor}")));
         messages.extend(surplus.map(|topic| (topic, String::new())));
     }
     messages

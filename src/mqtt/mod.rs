@@ -2,17 +2,17 @@
 //!
 //! `session → Tap → Mailbox → (thread) Post → Bulletin → broker`
 //!
-//! Once a second the thread asks for the newest moment, as a client of `src/api` does, and publishes what has changed in it; the pipeline's thread
+//! Once a second the thread asks for the newest snapshot, as a client of `src/api` does, and publishes what has changed in it; the pipeline's thread
 //! answers when it comes by, and never waits. A broker that is away is tried again for ever, and told everything anew when it is back.
 //! `docs/home-assistant.md` has the topics.
 
 mod broker;
 mod bulletin;
 mod discovery;
-mod moment;
 mod names;
 mod password;
-mod post;
+mod publisher;
+mod snapshot;
 
 pub use broker::{Broker, BrokerError};
 pub use discovery::discovery;

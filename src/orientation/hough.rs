@@ -49,7 +49,7 @@ const ROWS: usize = 90;
 const RHO_M: f64 = 0.05;
 /// Points this near are on the line, metres.
 const BAND_M: f64 = 0.08;
-const MOST_VOTERS: usize = 2048;
+const MAX_VOTERS: usize = 2048;
 /// A better line has other points near it, and so on.
 const REFINEMENTS: usize = 3;
 
@@ -68,7 +68,7 @@ impl HoughLines {
             columns,
             rows: (0..ROWS).map(row).collect(),
             votes: vec![0; ROWS * columns],
-            voters: Vec::with_capacity(MOST_VOTERS),
+            voters: Vec::with_capacity(MAX_VOTERS),
             lines: Vec::new(),
         }
     }
@@ -78,7 +78,7 @@ impl HoughLines {
         self.lines.clear();
         self.voters.clear();
         self.votes.fill(0);
-        let stride = points.len().div_ceil(MOST_VOTERS).max(1);
+        let stride = points.len().div_ceil(MAX_VOTERS).max(1);
         let radius2 = self.radius_m * self.radius_m;
         self.voters.extend(points.iter().step_by(stride).filter(|point| point.coords.norm_squared() < radius2));
         self.vote(0, |votes| *votes += 1);

@@ -3,9 +3,9 @@
 //! While the first sweeps gather, the robot moves, and it does so on wheels that nobody has measured yet: one percent between them turns
 //! it by two degrees per metre. An axis found as if they were right is the axis of the middle of the drive, not of its start. So the
 //! wheels are searched along with the axis: the right ones lay all returns of a wall onto one line, and the votes of the
-//! Hough transform ([`super::axis`]) gather best.
+//! Hough transform ([`super::dominant_directions`]) gather best.
 
-use super::axis::{Axis, AxisFinder};
+use super::dominant_directions::{Axis, DominantDirections};
 use crate::event::Calibration;
 use crate::geometry::{Placement, Pose2};
 use crate::sweep::Sweep;
@@ -18,7 +18,7 @@ const ROUNDS: [f64; 4] = [1.5, 1.0, 0.5, 0.25];
 const AROUND: [(f64, f64); 8] =
     [(-1.0, -1.0), (-1.0, 0.0), (-1.0, 1.0), (0.0, -1.0), (0.0, 1.0), (1.0, -1.0), (1.0, 0.0), (1.0, 1.0)];
 /// More returns than this are thinned by whole sweeps.
-const MOST_RETURNS: usize = 1_600;
+const MAX_RETURNS: usize = 1_600;
 
 /// The wheels' deviation from the configuration in standard deviations: ratio and base.
 type Deviation = [f64; 2];
@@ -49,7 +49,7 @@ pub enum Step {
 
 impl Search {
     /// Begins a search over all of `sweeps`; none without returns.
-    pub fn begin(finder: &mut AxisFinder, sweeps: &[Sweep], wheels: &Calibration) -> Option<Self> {
+    pub fn begin(finder: &mut DominantDirections, sweeps: &[Sweep], wheels: &Calibration) -> Option<Self> {
         lay_out(finder, sweeps, wheels, [0.0; 2]);
         let first = finder.find()?;
         Some(Self {
@@ -63,7 +63,7 @@ impl Search {
     }
 
     /// Tries one more deviation. The sweeps are those that the search began with, and any later ones.
-    pub fn step(mut self, finder: &mut AxisFinder, sweeps: &[Sweep], wheels: &Calibration) -> Step {
+    pub fn step(mut self, finder: &mut DominantDirections, sweeps: &[Sweep], wheels: &Calibration) -> Step {
         let sweeps = &sweeps[..self.sweeps.min(sweeps.len())];
         let Some(reach) = ROUNDS.get(self.tried / AROUND.len()) else {
             lay_out(finder, sweeps, wheels, self.best);
@@ -88,11 +88,11 @@ impl Search {
 }
 
 /// Lays the returns out along the path that wheels with this deviation roll.
-fn lay_out(finder: &mut AxisFinder, sweeps: &[Sweep], wheels: &Calibration, deviation: Deviation) {
+fn lay_out(finder: &mut DominantDirections, sweeps: &[Sweep], wheels: &Calibration, deviation: Deviation) {
     let ratio = deviation[0] * wheels.wheel_ratio_sigma;
     let base_m = wheels.wheel_base_m + deviation[1] * wheels.wheel_base_sigma_m;
     let returns: usize = sweeps.iter().map(|sweep| sweep.beams.len()).sum();
-    let stride = returns.div_ceil(MOST_RETURNS).max(1);
+    let stride = returns.div_ceil(MAX_RETURNS).max(1);
     finder.clear();
     let mut pose = Pose2::default();
     for (place, sweep) in sweeps.iter().enumerate() {

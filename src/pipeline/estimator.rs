@@ -5,10 +5,10 @@ use crate::event::{Calibration, Event, SensorState};
 use crate::geometry::Ring;
 use crate::localize::Localizer;
 use crate::mapping::raster::Raster;
-use crate::memory::{Impossible, Memory};
 use crate::paper::Paper;
+use crate::saved_state::{InvalidState, SavedState};
 use crate::sweep::Sweep;
-use crate::walls::Walls;
+use crate::wall_slam::WallSlam;
 
 /// What a run begins with.
 #[derive(Clone, Debug, Default)]
@@ -17,29 +17,29 @@ pub enum Start {
     #[default]
     Fresh,
     /// The remembered building, the robot where it stood.
-    Resume(Box<Memory>),
+    Resume(Box<SavedState>),
     /// The remembered building, which is not changed, the robot anywhere in it.
-    Localize(Box<Memory>),
+    Localize(Box<SavedState>),
 }
 
 /// The chosen method at work.
 #[derive(Debug)]
 pub(super) enum Estimator {
-    Walls(Box<Walls>),
+    Walls(Box<WallSlam>),
     Paper(Box<Paper>),
     Localizer(Box<Localizer>),
 }
 
 impl Estimator {
-    pub(super) fn new(config: &Config, ring: &Ring, start: &Start) -> Result<Self, Impossible> {
+    pub(super) fn new(config: &Config, ring: &Ring, start: &Start) -> Result<Self, InvalidState> {
         Ok(match (config.method, start) {
-            (Method::Walls, Start::Fresh) => Self::Walls(Box::new(Walls::new(config, ring))),
-            (Method::Walls, Start::Resume(memory)) => Self::Walls(Box::new(Walls::resume(config, ring, memory)?)),
+            (Method::Walls, Start::Fresh) => Self::Walls(Box::new(WallSlam::new(config, ring))),
+            (Method::Walls, Start::Resume(memory)) => Self::Walls(Box::new(WallSlam::resume(config, ring, memory)?)),
             (Method::Walls, Start::Localize(memory)) => {
                 Self::Localizer(Box::new(Localizer::new(config, ring, memory)?))
             }
             (Method::Paper, Start::Fresh) => Self::Paper(Box::new(Paper::new(config, ring))),
-            (Method::Paper, _) => return Err(Impossible("the paper's method cannot begin with a known map")),
+            (Method::Paper, _) => return Err(InvalidState("the paper's method cannot begin with a known map")),
         })
     }
 
@@ -92,9 +92,9 @@ impl Estimator {
         }
     }
 
-    pub(super) fn memory(&self) -> Option<Memory> {
+    pub(super) fn saved_state(&self) -> Option<SavedState> {
         match self {
-            Self::Walls(walls) => walls.memory(),
+            Self::Walls(walls) => walls.saved_state(),
             Self::Paper(_) | Self::Localizer(_) => None,
         }
     }

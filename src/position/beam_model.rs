@@ -58,7 +58,7 @@ impl Side {
 
 /// What a return says if it came from a wall on one side.
 #[derive(Clone, Copy, Debug)]
-pub struct Sighting {
+pub struct WallObservation {
     /// The side.
     pub side: Side,
     /// Perpendicular distance from the sensor to the wall, metres.
@@ -78,7 +78,7 @@ pub struct Sighting {
     /// Variance of `depth_m` for a known pose.
     pub variance: f64,
     /// Derivative of (expected − measured depth) by the robot's state.
-    pub by_robot: SVector<f64, ROBOT>,
+    pub h_robot: SVector<f64, ROBOT>,
 }
 
 /// Noise of a range, metres.
@@ -91,7 +91,7 @@ pub const POINT_RAD: f64 = 1.0 * std::f64::consts::PI / 180.0;
 /// Normals farther from a beam's axis than this are not heard (and beyond 45 degrees another side is nearer).
 const HEARD_RAD: f64 = 42.0 * std::f64::consts::PI / 180.0;
 
-impl Sighting {
+impl WallObservation {
     /// The offset of the wall that would explain the return.
     #[must_use]
     pub fn offset_m(&self) -> f64 {
@@ -107,7 +107,7 @@ impl Sighting {
 
 /// What the beam's return says if it came from a wall; none without a distance, or where no side faces the beam.
 #[must_use]
-pub fn sight(at: impl Into<Placement>, beam: &Beam) -> Option<Sighting> {
+pub fn observe_wall(at: impl Into<Placement>, beam: &Beam) -> Option<WallObservation> {
     if !beam.has_range() {
         return None;
     }
@@ -130,13 +130,13 @@ pub fn sight(at: impl Into<Placement>, beam: &Beam) -> Option<Sighting> {
     let lever = sensor.position() - place.pose().position();
     // The sensor moves by (−lever_y, lever_x) per radian.
     let across_by_theta = if side.axis() == 0 { -lever.y } else { lever.x };
-    let mut by_robot = SVector::<f64, ROBOT>::zeros();
-    by_robot[side.axis()] = -side.sign();
-    by_robot[2] = -side.sign() * across_by_theta;
+    let mut h_robot = SVector::<f64, ROBOT>::zeros();
+    h_robot[side.axis()] = -side.sign();
+    h_robot[2] = -side.sign() * across_by_theta;
     if oblique_rad > 0.0 {
-        by_robot[2] += beam.range_m * sin * off_rad.signum();
+        h_robot[2] += beam.range_m * sin * off_rad.signum();
     }
-    Some(Sighting {
+    Some(WallObservation {
         side,
         depth_m,
         across_m,
@@ -146,7 +146,7 @@ pub fn sight(at: impl Into<Placement>, beam: &Beam) -> Option<Sighting> {
         is_sharp,
         edge_m,
         variance: (RANGE_SIGMA_M * cos).powi(2) + edge_m * edge_m,
-        by_robot,
+        h_robot,
     })
 }
 
@@ -170,16 +170,16 @@ mod tests {
             let offset = 2.5;
             // Expected minus measured depth of a wall at `offset`.
             let misfit = |pose: Pose2, side: Side| {
-                sight(pose, &beam).filter(|s| s.side == side).map(|s| side.sign() * (offset - s.across_m) - s.depth_m)
+                observe_wall(pose, &beam).filter(|s| s.side == side).map(|s| side.sign() * (offset - s.across_m) - s.depth_m)
             };
             let pose = Pose2::new(x, 0.4, theta);
-            let Some(sighting) = sight(pose, &beam) else { return Ok(()) };
+            let Some(observation) = observe_wall(pose, &beam) else { return Ok(()) };
             let h = 1e-6;
             for (index, (dx, dy, dt)) in [(h, 0.0, 0.0), (0.0, h, 0.0), (0.0, 0.0, h)].into_iter().enumerate() {
-                let plus = misfit(Pose2::new(x + dx, 0.4 + dy, theta + dt), sighting.side);
-                let minus = misfit(Pose2::new(x - dx, 0.4 - dy, theta - dt), sighting.side);
-                if let (Some(plus), Some(minus), true) = (plus, minus, sighting.oblique_rad == 0.0 || sighting.oblique_rad > 1e-5) {
-                    prop_assert!(((plus - minus) / (2.0 * h) - sighting.by_robot[index]).abs() < 1e-4);
+                let plus = misfit(Pose2::new(x + dx, 0.4 + dy, theta + dt), observation.side);
+                let minus = misfit(Pose2::new(x - dx, 0.4 - dy, theta - dt), observation.side);
+                if let (Some(plus), Some(minus), true) = (plus, minus, observation.oblique_rad == 0.0 || observation.oblique_rad > 1e-5) {
+                    prop_assert!(((plus - minus) / (2.0 * h) - observation.h_robot[index]).abs() < 1e-4);
                 }
             }
         }
@@ -188,9 +188,9 @@ mod tests {
         fn a_point_beam_echoes_at_its_end(theta in -3.0..3.0f64, bearing in -3.0..3.0f64) {
             let beam = beam(bearing, 0.0, 1.8);
             let pose = Pose2::new(0.3, -0.2, theta);
-            if let Some(sighting) = sight(pose, &beam) {
+            if let Some(observation) = observe_wall(pose, &beam) {
                 let end = (pose * beam.robot_from_sensor).ahead(1.8);
-                prop_assert!((sighting.point() - end).norm() < 1e-9);
+                prop_assert!((observation.point() - end).norm() < 1e-9);
             }
         }
     }

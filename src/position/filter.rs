@@ -26,10 +26,10 @@ pub(super) type Robot = SVector<f64, ROBOT>;
 /// Random error of a wheel's travel: variance per metre rolled, m, of wheels that slip least.
 const WHEEL_NOISE_M: f64 = 3.5e-5;
 /// Wheels that slip most have this many times that variance; it is learnt over about a hundred sweeps.
-const MOST_SLIP: f64 = 10.0;
+const MAX_SLIP: f64 = 10.0;
 const SLIP_GAIN: f64 = 0.01;
 /// A single innovation says no more of the slip than this normalised square.
-const MOST_NIS: f64 = 9.0;
+const MAX_NIS: f64 = 9.0;
 /// Wheels wear and carpets differ: variance of both per metre rolled.
 const WHEEL_DRIFT_M: f64 = 2e-8;
 
@@ -193,8 +193,8 @@ impl Filter {
     /// Learns how much the wheels slip: headings read off the walls whose normalised innovation squared `nis` is more than 1 on the
     /// mean say that the prediction between them is worse than believed.
     pub fn learn_slip(&mut self, nis: f64) {
-        let slip = self.slip * libm::exp(SLIP_GAIN * (nis.min(MOST_NIS) - 1.0));
-        self.slip = slip.clamp(1.0, MOST_SLIP);
+        let slip = self.slip * libm::exp(SLIP_GAIN * (nis.min(MAX_NIS) - 1.0));
+        self.slip = slip.clamp(1.0, MAX_SLIP);
     }
 
     /// Two walls are one: their offsets are made equal to within a variance, and the second is dropped.
@@ -214,18 +214,18 @@ impl Filter {
         self.wall_variance(a) + self.wall_variance(b) - 2.0 * self.wall_cov.get(a, b)
     }
 
-    /// Adds a wall whose offset is `offset_m`, seen from the robot: `by_robot` is the offset's derivative by the robot's state,
-    /// `variance` the noise of the sighting. Returns its index, or none where the filter is full.
-    pub fn add(&mut self, offset_m: f64, by_robot: &Robot, variance: f64) -> Option<usize> {
+    /// Adds a wall whose offset is `offset_m`, seen from the robot: `h_robot` is the offset's derivative by the robot's state,
+    /// `variance` the noise of the observation. Returns its index, or none where the filter is full.
+    pub fn add(&mut self, offset_m: f64, h_robot: &Robot, variance: f64) -> Option<usize> {
         let new = self.walls();
         if new == MAX_WALLS {
             return None;
         }
         for i in 0..new {
-            self.wall_cov.set(new, i, self.cross[i].dot(by_robot));
+            self.wall_cov.set(new, i, self.cross[i].dot(h_robot));
         }
-        let cross = self.robot_cov * by_robot;
-        self.wall_cov.set(new, new, by_robot.dot(&cross) + variance);
+        let cross = self.robot_cov * h_robot;
+        self.wall_cov.set(new, new, h_robot.dot(&cross) + variance);
         self.cross.push(cross);
         self.offsets.push(offset_m);
         Some(new)
@@ -278,15 +278,15 @@ mod tests {
         filter.predict(0.10, 0.12);
         for (i, offset) in [2.0, -1.5, 3.0].into_iter().enumerate() {
             let axis = if i % 2 == 0 { 0 } else { 1 };
-            let mut by_robot = Robot::zeros();
-            by_robot[axis] = 1.0;
-            filter.add(offset, &by_robot, 1e-4);
+            let mut h_robot = Robot::zeros();
+            h_robot[axis] = 1.0;
+            filter.add(offset, &h_robot, 1e-4);
         }
         filter.predict(0.12, 0.10);
         filter
     }
 
-    fn sight(wall: usize, innovation: f64) -> Measurement {
+    fn observe_wall(wall: usize, innovation: f64) -> Measurement {
         let robot = Robot::new(-1.0, 0.0, 0.1, 0.0, 0.0);
         Measurement { innovation, robot, wall: (wall, 1.0), variance: 4e-4 }
     }
@@ -306,7 +306,7 @@ mod tests {
         let mut filter = busy_filter();
         for step in 0..200 {
             filter.predict(0.02, 0.021);
-            filter.update(&sight(step % 3, 0.01));
+            filter.update(&observe_wall(step % 3, 0.01));
             filter.update_heading(0.001, 1e-3);
         }
         let p = full(&filter);
@@ -317,7 +317,7 @@ mod tests {
     #[test]
     fn an_update_equals_the_textbook() {
         let mut filter = busy_filter();
-        let (p, m) = (full(&filter), sight(2, 0.03));
+        let (p, m) = (full(&filter), observe_wall(2, 0.03));
         let mut h = nalgebra::DVector::zeros(ROBOT + 3);
         h.rows_mut(0, ROBOT).copy_from(&m.robot);
         h[ROBOT + 2] = 1.0;
@@ -333,7 +333,7 @@ mod tests {
     #[test]
     fn removing_a_wall_keeps_the_others() {
         let mut filter = busy_filter();
-        filter.update(&sight(1, 0.02));
+        filter.update(&observe_wall(1, 0.02));
         let p = full(&filter);
         filter.remove(0);
         let left = full(&filter);

@@ -1,16 +1,16 @@
 //! Position: the filters that follow the robot.
 
 pub mod beam_model;
+pub mod ekf_slam;
+mod ekf_slam_state;
 pub mod filter;
-mod filter_memory;
-mod insistence;
-pub mod lock;
-pub mod nursery;
+mod filter_state;
+mod inactive_landmarks;
+mod innovation_whiteness;
+pub mod landmark_initializer;
+pub mod localization_monitor;
 pub mod paper_ekf;
-mod parking;
-pub mod relock;
+pub mod relocalize;
+mod relocation;
 mod segments;
 mod symmetric;
-pub mod tracker;
-mod tracker_lock;
-mod tracker_memory;

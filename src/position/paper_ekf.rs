@@ -16,14 +16,14 @@
 //! (10) is compared with the endpoints that fall near it, and only the offset along the line's normal is used. Offsets on one line
 //! are fused before the update, for they share the line's error.
 //!
-//! Failure cases: fewer than [`LEAST_ENDPOINTS`] near a line, or an innovation outside the gate, change nothing; without any line the
+//! Failure cases: fewer than [`MIN_ENDPOINTS`] near a line, or an innovation outside the gate, change nothing; without any line the
 //! covariance only grows. The heading's error is not in the state, so P is too small while the heading is wrong.
 
 use crate::geometry::Point;
 use nalgebra::{Matrix2, RowVector2, Vector2};
 
 /// Endpoints that a line needs before it is used.
-pub const LEAST_ENDPOINTS: usize = 3;
+pub const MIN_ENDPOINTS: usize = 3;
 
 /// Endpoints farther from the line belong to something else, metres.
 const NEAR_M: f64 = 0.2;
@@ -98,7 +98,7 @@ impl PaperEkf {
             endpoints.iter().map(offset).filter(|offset| offset.abs() < NEAR_M)
         };
         let count = offsets().count();
-        (count >= LEAST_ENDPOINTS).then(|| (count as f64, offsets().sum::<f64>() / count as f64))
+        (count >= MIN_ENDPOINTS).then(|| (count as f64, offsets().sum::<f64>() / count as f64))
     }
 }
 

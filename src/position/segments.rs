@@ -1,14 +1,14 @@
 //! All the tracker's walls, and what they are as pieces of lines.
 
-use super::tracker::{Tracker, Wall};
+use super::ekf_slam::{EkfSlam, WallLandmark};
 use crate::geometry::Segment;
 
-impl Tracker {
-    /// Every wall, in the filter's sight or out of it, with its offset (metres) and that one's variance.
-    pub(super) fn every_wall(&self) -> impl Iterator<Item = (&Wall, f64, f64)> {
+impl EkfSlam {
+    /// Every wall, in the filter's observe_wall or out of it, with its offset (metres) and that one's variance.
+    pub(super) fn every_wall(&self) -> impl Iterator<Item = (&WallLandmark, f64, f64)> {
         let near = self.walls.iter().enumerate();
         let near = near.map(|(index, wall)| (wall, self.filter.offset_m(index), self.filter.wall_variance(index)));
-        let far = self.parking.iter().map(|parked| (&parked.wall, parked.offset_m, parked.variance));
+        let far = self.inactive.iter().map(|inactive| (&inactive.wall, inactive.offset_m, inactive.variance));
         near.chain(far)
     }
 

@@ -1,7 +1,7 @@
 //! The output folder: maps, trajectories, faults and a summary, each file whole or absent.
 
 mod fault_log;
-mod lock_log;
+mod localization_log;
 mod map_file;
 mod part_file;
 mod picture;
@@ -27,7 +27,7 @@ use crate::metrics::{AccuracyMeter, FaultMeter, TrueFault};
 use crate::private;
 use crate::time::Timestamp;
 use fault_log::FaultLog;
-use lock_log::LockLog;
+use localization_log::LockLog;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;

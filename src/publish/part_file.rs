@@ -26,7 +26,7 @@ pub struct PartFile {
 
 const BLOCK: usize = 8 << 10;
 /// An hour of poses.
-const MOST_WAITING: usize = 4 << 20;
+const MAX_WAITING: usize = 4 << 20;
 
 impl PartFile {
     /// Begins the file that will be `path`.
@@ -59,7 +59,7 @@ impl PartFile {
                 self.write_at = BLOCK;
                 tracing::info!("{}: written again, and nothing is missing", self.part.display());
             }
-            Err(error) if self.waiting.len() > MOST_WAITING => {
+            Err(error) if self.waiting.len() > MAX_WAITING => {
                 tracing::error!("{}: {error}; given up", self.part.display());
                 (self.waiting, self.failure) = (Vec::new(), Some(error));
             }

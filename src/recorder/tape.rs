@@ -75,7 +75,7 @@ struct Trouble {
 }
 
 /// Payload and overhead of what may wait: three quarters of an hour at 6 kB/s.
-const MOST_WAITING: usize = 16 << 20;
+const MAX_WAITING: usize = 16 << 20;
 const OVERHEAD: usize = 64;
 const RETRY: Duration = Duration::from_secs(1);
 const ROOM: Duration = Duration::from_secs(1);
@@ -114,7 +114,7 @@ impl<D: Disk> Tape<D> {
     pub fn push(&mut self, chunk: Chunk) {
         let (at, bytes) = chunk.parts();
         let size = bytes.len() + OVERHEAD;
-        if self.waiting_bytes + size > MOST_WAITING {
+        if self.waiting_bytes + size > MAX_WAITING {
             self.lost += 1;
         } else {
             self.waiting_bytes += size;

@@ -6,10 +6,10 @@
 //! | 8–11 | version of the format, u32, little-endian |
 //! | 12–19 | length of the payload, u64, little-endian |
 //! | 20–23 | CRC-32 (ISO-HDLC, as in zip) of bytes 8–19 and the payload, u32, little-endian |
-//! | 24– | the payload: a [`Memory`] in [postcard's wire format](https://postcard.jamesmunns.com/wire-format) |
+//! | 24– | the payload: a [`SavedState`] in [postcard's wire format](https://postcard.jamesmunns.com/wire-format) |
 //!
 //! In that format f64 are eight little-endian bytes, integers varints (signed ones zig-zag), a list is its length and its
-//! elements, a struct its fields in the order of [`crate::memory`], an enum the number of its variant. A change of any of these
+//! elements, a struct its fields in the order of [`crate::saved_state`], an enum the number of its variant. A change of any of these
 //! types is a new version. `docs/session-file.md` says it for other programs.
 //!
 //! A file is written beside its name and renamed, so it is the old one or the new one, never half of one. It is refused before
@@ -24,7 +24,7 @@ mod saver;
 
 pub use saver::Saver;
 
-use crate::memory::Memory;
+use crate::saved_state::SavedState;
 use crc::{CRC_32_ISO_HDLC, Crc};
 use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
@@ -36,7 +36,7 @@ pub const VERSION: u32 = 1;
 /// Bytes in front of the payload.
 pub const HEADER: usize = 24;
 /// No session is larger: the largest map takes 50 MB.
-const MOST_BYTES: u64 = 256 << 20;
+const MAX_BYTES: u64 = 256 << 20;
 
 const CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
@@ -83,7 +83,7 @@ pub enum SessionFileError {
     #[error("its content cannot be read: {0}")]
     Content(String),
     /// Larger than any session.
-    #[error("it has {found} bytes, and no session has more than {MOST_BYTES}")]
+    #[error("it has {found} bytes, and no session has more than {MAX_BYTES}")]
     TooLarge {
         /// Its size.
         found: u64,
@@ -128,7 +128,7 @@ pub enum FileError {
     clippy::expect_used,
     reason = "postcard refuses only lists of unknown length and full buffers, and a Vec grows"
 )]
-pub fn encode(memory: &Memory) -> Vec<u8> {
+pub fn encode(memory: &SavedState) -> Vec<u8> {
     let payload = postcard::to_allocvec(memory).expect("numbers and lists");
     let mut bytes = Vec::with_capacity(HEADER + payload.len());
     bytes.extend(MAGIC);
@@ -144,7 +144,7 @@ pub fn encode(memory: &Memory) -> Vec<u8> {
 ///
 /// # Errors
 /// Whatever is wrong with the bytes; never a panic, whatever they are.
-pub fn decode(bytes: &[u8]) -> Result<Memory, SessionFileError> {
+pub fn decode(bytes: &[u8]) -> Result<SavedState, SessionFileError> {
     let found = bytes.len() as u64;
     let Some((_, rest)) = bytes.split_first_chunk::<8>().filter(|(magic, _)| **magic == MAGIC) else {
         // What is there of the magic may still be right.
@@ -193,16 +193,16 @@ fn checksum(version: [u8; 4], length: [u8; 8], payload: &[u8]) -> u32 {
 ///
 /// # Errors
 /// Where it cannot be read, or holds something else than a session; with the file's name.
-pub fn read(path: &Path) -> Result<Memory, FileError> {
+pub fn read(path: &Path) -> Result<SavedState, FileError> {
     let io = |source| FileError::Io { path: path.into(), source };
     let file = std::fs::File::open(path).map_err(io)?;
     let size = file.metadata().map_err(io)?.len();
     let mut bytes = Vec::new();
-    if size <= MOST_BYTES {
-        file.take(MOST_BYTES).read_to_end(&mut bytes).map_err(io)?;
+    if size <= MAX_BYTES {
+        file.take(MAX_BYTES).read_to_end(&mut bytes).map_err(io)?;
     }
     let content = |source| FileError::Content { path: path.into(), source };
-    if size > MOST_BYTES {
+    if size > MAX_BYTES {
         return Err(content(SessionFileError::TooLarge { found: size }));
     }
     decode(&bytes).map_err(content)
@@ -212,7 +212,7 @@ pub fn read(path: &Path) -> Result<Memory, FileError> {
 ///
 /// # Errors
 /// Where it cannot be written; with the file's name.
-pub fn write(path: &Path, memory: &Memory) -> Result<(), FileError> {
+pub fn write(path: &Path, memory: &SavedState) -> Result<(), FileError> {
     let io = |source| FileError::Io { path: path.into(), source };
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or_else(|| Path::new("."));
     let mut file = tempfile::NamedTempFile::new_in(folder).map_err(io)?;

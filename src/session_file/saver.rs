@@ -1,8 +1,8 @@
 //! Saving beside a live run: the pipeline is held up for a copy of what it knows, never for the disk.
 
 use super::{FileError, write};
-use crate::memory::Memory;
 use crate::priority;
+use crate::saved_state::SavedState;
 use crate::time::Timestamp;
 use std::path::PathBuf;
 use std::thread::JoinHandle;
@@ -27,7 +27,7 @@ impl Saver {
     }
 
     /// Saves what `memory` gives, in a thread of its own, where it is time; not while the last save still goes on.
-    pub fn tick(&mut self, at: Timestamp, memory: impl FnOnce() -> Option<Memory>) {
+    pub fn tick(&mut self, at: Timestamp, memory: impl FnOnce() -> Option<SavedState>) {
         if at < self.next || self.writing.as_ref().is_some_and(|writing| !writing.is_finished()) {
             return;
         }
@@ -48,7 +48,7 @@ impl Saver {
     ///
     /// # Errors
     /// Where the file cannot be written.
-    pub fn finish(mut self, memory: Option<Memory>) -> Result<(), FileError> {
+    pub fn finish(mut self, memory: Option<SavedState>) -> Result<(), FileError> {
         // An older save must not overtake this one; its failure does not matter any more.
         let _ = self.join();
         match memory {

@@ -11,7 +11,7 @@ pub struct SessionClock {
 }
 
 /// Deadlines that passed longer ago than this are not made up for: a damaged time must not cost hours.
-const MOST_SILENCE_US: u64 = 60_000_000;
+const MAX_SILENCE_US: u64 = 60_000_000;
 
 impl SessionClock {
     /// The latest instant reached.
@@ -24,7 +24,7 @@ impl SessionClock {
     pub fn approach(&mut self, at: Timestamp) -> Timestamp {
         let at = at.max(self.now);
         // Where nothing was heard or said for longer, because no port was there, more questions would change nothing.
-        self.now = self.now.max(Timestamp::from_us(at.us().saturating_sub(MOST_SILENCE_US)));
+        self.now = self.now.max(Timestamp::from_us(at.us().saturating_sub(MAX_SILENCE_US)));
         at
     }
 

@@ -13,7 +13,7 @@ use bytes::{Buf as _, Bytes};
 use std::collections::VecDeque;
 
 /// A session on a line.
-pub struct Line<'a> {
+pub struct LiveSession<'a> {
     port: String,
     link: &'a mut Link,
     session: &'a mut Session,
@@ -22,16 +22,16 @@ pub struct Line<'a> {
 }
 
 /// Frames that wait for a port that takes none; what is older has become useless.
-pub const MOST_OUTGOING: usize = 16;
+pub const MAX_OUTGOING: usize = 16;
 
-impl<'a> Line<'a> {
+impl<'a> LiveSession<'a> {
     /// A session on a line whose port has just been opened for the first time.
     pub fn begin(port: String, now: Timestamp, link: &'a mut Link, session: &'a mut Session) -> Self {
         link.opened(now, &port, &session.reception());
         Self { port, link, session, outgoing: VecDeque::new() }
     }
 
-    /// When [`Line::tick`] is due, unless something else comes earlier.
+    /// When [`LiveSession::tick`] is due, unless something else comes earlier.
     #[must_use]
     pub fn deadline(&self) -> Timestamp {
         self.link.deadline().into_iter().fold(self.session.next_deadline(), Ord::min)
@@ -121,7 +121,7 @@ impl<'a> Line<'a> {
     }
 
     fn extend(&mut self, frames: impl IntoIterator<Item = Bytes>) {
-        let room = MOST_OUTGOING.saturating_sub(self.outgoing.len());
+        let room = MAX_OUTGOING.saturating_sub(self.outgoing.len());
         self.outgoing.extend(frames.into_iter().take(room));
     }
 }

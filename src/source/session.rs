@@ -10,10 +10,10 @@ use crate::event::{
 };
 use crate::geometry::{Pose2, Ring};
 use crate::link::Reception;
-use crate::memory::{Impossible, Memory};
 use crate::metrics::TrueFault;
 use crate::pipeline::{Pipeline, Start};
 use crate::publish::{FinalState, Outputs, PublishError, Summary};
+use crate::saved_state::{InvalidState, SavedState};
 use crate::sweep::Sweep;
 use crate::time::Timestamp;
 use bytes::Bytes;
@@ -22,7 +22,7 @@ use std::time::Duration;
 
 /// Something that somebody who watches a session gets to see, as it happens.
 #[derive(Clone, Copy, Debug)]
-pub enum Sight<'a> {
+pub enum Update<'a> {
     /// An event of the pipeline.
     Event(&'a Event),
     /// Where the robot truly was.
@@ -32,7 +32,7 @@ pub enum Sight<'a> {
 }
 
 /// What it happens in.
-pub struct Scene<'a> {
+pub struct Context<'a> {
     /// The pipeline after the input that caused it.
     pub pipeline: &'a Pipeline,
     /// Session time.
@@ -42,7 +42,7 @@ pub struct Scene<'a> {
 }
 
 /// Sees all that happens in a session, and must not wait.
-pub type Watcher = Box<dyn FnMut(&Scene<'_>, Sight<'_>)>;
+pub type Watcher = Box<dyn FnMut(&Context<'_>, Update<'_>)>;
 
 /// A pipeline and where its events go.
 pub struct Session {
@@ -103,15 +103,15 @@ impl Session {
     ///
     /// # Errors
     /// Where the memory holds what cannot be, or the configured method cannot use it.
-    pub fn begin_with(mut self, start: Start) -> Result<Self, Impossible> {
+    pub fn begin_with(mut self, start: Start) -> Result<Self, InvalidState> {
         self.pipeline = Pipeline::begin(&self.config, start)?;
         Ok(self)
     }
 
     /// Everything worth remembering; none before there is something.
     #[must_use]
-    pub fn memory(&self) -> Option<Memory> {
-        self.pipeline.memory()
+    pub fn saved_state(&self) -> Option<SavedState> {
+        self.pipeline.saved_state()
     }
 
     /// The configuration with the wheels as this session has learnt them; none where the method learns none.
@@ -162,7 +162,7 @@ impl Session {
     /// # Errors
     /// When `truth.tum` cannot be created.
     pub fn truth(&mut self, at: Timestamp, pose: Pose2) -> Result<(), PublishError> {
-        self.show(Sight::Truth(at, pose), Duration::ZERO);
+        self.show(Update::Truth(at, pose), Duration::ZERO);
         self.outputs.truth(at, pose)
     }
 
@@ -280,13 +280,13 @@ impl Session {
                 Output::Transmit(frame) => self.transmit.push(frame),
                 Output::Event(event) => {
                     sweeps += u32::from(matches!(event, Event::Estimate(_)));
-                    self.show(Sight::Event(&event), elapsed);
+                    self.show(Update::Event(&event), elapsed);
                     self.outputs.event(&event);
                     self.note(event);
                 }
             }
         }
-        self.show(Sight::Input, elapsed);
+        self.show(Update::Input, elapsed);
         self.has_posed = sweeps > 0;
         // The first sweeps are used a few at a time, when the building's axis is found.
         for _ in 0..sweeps {
@@ -294,9 +294,9 @@ impl Session {
         }
     }
 
-    fn show(&mut self, sight: Sight<'_>, took: Duration) {
+    fn show(&mut self, sight: Update<'_>, took: Duration) {
         if let Some(watcher) = &mut self.watcher {
-            watcher(&Scene { pipeline: &self.pipeline, now: self.clock.now(), took }, sight);
+            watcher(&Context { pipeline: &self.pipeline, now: self.clock.now(), took }, sight);
         }
     }
 

@@ -1,7 +1,7 @@
 //! What a sink knows by now: enough to show everything anew to a viewer that comes, or comes back, later.
 
 use super::chart::Chart;
-use super::moment::Moment;
+use super::snapshot::Snapshot;
 use super::trail::Trail;
 use crate::event::SensorState;
 use crate::geometry::{Pose2, Ring, Segment, wrap_angle};
@@ -30,7 +30,7 @@ pub(super) struct Known {
     /// How much per second, lately.
     pub(super) rates: Rates,
     /// The newest sweep.
-    pub(super) newest: Option<Arc<Moment>>,
+    pub(super) newest: Option<Arc<Snapshot>>,
     meter: RateMeter,
     accuracy: AccuracyMeter,
     map_from_odom: Option<Pose2>,
@@ -39,12 +39,12 @@ pub(super) struct Known {
 }
 
 /// The first estimate comes within seconds of driving; what is older is forgotten.
-const MOST_EARLY: usize = 2_000;
+const MAX_EARLY: usize = 2_000;
 
 impl Known {
     /// Takes a sweep. The odometry's path begins where the estimate's does, and then goes its own way.
-    pub(super) fn take(&mut self, moment: &Arc<Moment>) {
-        if let Some(estimate) = &moment.estimate {
+    pub(super) fn take(&mut self, snapshot: &Arc<Snapshot>) {
+        if let Some(estimate) = &snapshot.estimate {
             let map_from_odom = *self.map_from_odom.get_or_insert_with(|| estimate.pose * estimate.odometry.inverse());
             let odometry = map_from_odom * estimate.odometry;
             self.trails[1].push(odometry.position());
@@ -53,14 +53,14 @@ impl Known {
                 *heading_rad += wrap_angle(pose.theta_rad - *heading_rad);
             }
             self.accuracy.estimate(estimate.at, estimate.pose);
-            self.is_lost = Some(moment.is_lost);
+            self.is_lost = Some(snapshot.is_lost);
             self.show_early();
         }
-        if !moment.beams.is_empty() {
-            self.rates = self.meter.rates(moment.at, moment.counters);
-            self.newest = Some(Arc::clone(moment));
+        if !snapshot.beams.is_empty() {
+            self.rates = self.meter.rates(snapshot.at, snapshot.counters);
+            self.newest = Some(Arc::clone(snapshot));
         }
-        if let Some(segments) = &moment.segments {
+        if let Some(segments) = &snapshot.segments {
             self.segments = Some(Arc::clone(segments));
         }
     }
@@ -68,7 +68,7 @@ impl Known {
     /// Takes a true pose, world frame. World and map meet at the first estimate, as in the accuracy figures.
     pub(super) fn truth(&mut self, at: Timestamp, pose: Pose2) {
         self.accuracy.truth(at, pose);
-        if self.early.len() < MOST_EARLY {
+        if self.early.len() < MAX_EARLY {
             self.early.push(pose);
         }
         self.show_early();

@@ -1,6 +1,6 @@
 //! The log, for the viewers.
 
-use super::mailbox::{Line, Mailbox, News};
+use super::mailbox::{Line, Mailbox, Update};
 use std::fmt::{Debug, Write as _};
 use std::sync::{Arc, Mutex, PoisonError};
 use tracing::field::{Field, Visit};
@@ -35,7 +35,7 @@ impl<S: Subscriber> Layer<S> for LogLayer {
         };
         let mut text = Text::default();
         event.record(&mut text);
-        let news = News::Line(Arc::new(Line { level, text: text.0 }));
+        let news = Update::Line(Arc::new(Line { level, text: text.0 }));
         for reader in READERS.lock().unwrap_or_else(PoisonError::into_inner).iter() {
             reader.offer(news.clone());
         }

@@ -1,6 +1,6 @@
 //! From the pipeline's thread to a sink's: a queue that never grows, a map slot where the newest wins.
 
-use super::moment::Moment;
+use super::snapshot::Snapshot;
 use crate::geometry::Pose2;
 use crate::mapping::grid::Patch;
 use crate::mapping::raster::Raster;
@@ -13,9 +13,9 @@ use std::time::{Duration, Instant};
 
 /// What a sink hears of.
 #[derive(Clone, Debug)]
-pub(super) enum News {
+pub(super) enum Update {
     /// A sweep.
-    Moment(Arc<Moment>),
+    Snapshot(Arc<Snapshot>),
     /// Where the robot truly was, for once.
     Truth(Timestamp, Pose2),
     /// A line of the log.
@@ -45,7 +45,7 @@ pub(super) struct NewMap {
 }
 
 /// Queued news: 12 s at 20 Hz.
-const MOST_QUEUED: usize = 256;
+const MAX_QUEUED: usize = 256;
 /// How long a replay waits for a sink that takes nothing, before it goes on without it.
 const PATIENCE: Duration = Duration::from_secs(2);
 /// Between two looks into an empty queue: fast enough to the eye.
@@ -62,28 +62,28 @@ struct Shared {
 /// The pipeline's end.
 #[derive(Clone, Debug)]
 pub(super) struct Mailbox {
-    sender: SyncSender<News>,
+    sender: SyncSender<Update>,
     shared: Arc<Shared>,
 }
 
 /// The sink's end.
 #[derive(Debug)]
 pub(super) struct Inbox {
-    receiver: Receiver<News>,
+    receiver: Receiver<Update>,
     shared: Arc<Shared>,
 }
 
 /// A queue. A patient one is for a source that can wait: it drops nothing while the sink works.
 #[must_use]
 pub(super) fn mailbox(is_patient: bool) -> (Mailbox, Inbox) {
-    let (sender, receiver) = sync_channel(MOST_QUEUED);
+    let (sender, receiver) = sync_channel(MAX_QUEUED);
     let shared = Arc::new(Shared { is_patient: is_patient.into(), ..Shared::default() });
     (Mailbox { sender, shared: Arc::clone(&shared) }, Inbox { receiver, shared })
 }
 
 impl Mailbox {
     /// Queues news, or drops and counts them.
-    pub(super) fn offer(&self, news: News) {
+    pub(super) fn offer(&self, news: Update) {
         let Err(TrySendError::Full(news)) = self.sender.try_send(news) else { return };
         if !self.shared.is_patient.load(Ordering::Relaxed) || !self.wait(news) {
             self.shared.dropped.fetch_add(1, Ordering::Relaxed);
@@ -92,7 +92,7 @@ impl Mailbox {
 
     /// True where there was room in time; nobody waits twice for a sink that is stuck.
     #[expect(clippy::disallowed_methods, reason = "only where nothing is in a hurry")]
-    fn wait(&self, mut news: News) -> bool {
+    fn wait(&self, mut news: Update) -> bool {
         for _ in 0..PATIENCE.as_millis() / NAP.as_millis() {
             std::thread::sleep(NAP);
             match self.sender.try_send(news) {
@@ -109,7 +109,7 @@ impl Mailbox {
         if self.shared.is_patient.load(Ordering::Relaxed) {
             let mut map = NewMap::default();
             update(&mut map);
-            return self.offer(News::Map(Arc::new(map)));
+            return self.offer(Update::Map(Arc::new(map)));
         }
         update(&mut self.shared.map.lock().unwrap_or_else(PoisonError::into_inner));
     }
@@ -128,7 +128,7 @@ impl Inbox {
     /// # Errors
     /// When none come in time, or none will come any more.
     #[expect(clippy::disallowed_methods, reason = "people live in real time")]
-    pub(super) fn next(&self, timeout: Duration) -> Result<News, RecvTimeoutError> {
+    pub(super) fn next(&self, timeout: Duration) -> Result<Update, RecvTimeoutError> {
         let begin = Instant::now();
         loop {
             match self.receiver.try_recv() {
@@ -160,8 +160,8 @@ impl Inbox {
 mod tests {
     use super::*;
 
-    fn line() -> News {
-        News::Line(Arc::new(Line { level: "INFO", text: "hello".into() }))
+    fn line() -> Update {
+        Update::Line(Arc::new(Line { level: "INFO", text: "hello".into() }))
     }
 
     #[test]
@@ -170,10 +170,10 @@ mod tests {
         for _ in 0..1_000 {
             mailbox.offer(line());
         }
-        assert_eq!(mailbox.dropped(), 1_000 - MOST_QUEUED as u64);
+        assert_eq!(mailbox.dropped(), 1_000 - MAX_QUEUED as u64);
         assert!(inbox.next(Duration::ZERO).is_ok());
         mailbox.offer(line());
-        assert_eq!(inbox.dropped(), 1_000 - MOST_QUEUED as u64, "there was room again");
+        assert_eq!(inbox.dropped(), 1_000 - MAX_QUEUED as u64, "there was room again");
     }
 
     #[test]

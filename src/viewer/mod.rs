@@ -1,11 +1,10 @@
 //! What the robot knows, in Rerun: live, or into a file.
 //!
-//! `session → Tap → Mailbox → (thread) Artist → RecordingStream`
+//! `session → Tap → Mailbox → (thread) RerunWriter → RecordingStream`
 //!
 //! The pipeline's thread copies what is small and goes on; a queue that is full drops, and counts. Each sink has its thread, its stream and
 //! its own memory of the map, so that a viewer may come late, go away, hang or be none.
 
-mod artist;
 mod chart;
 mod choice;
 mod known;
@@ -13,9 +12,10 @@ mod launch;
 mod layout;
 mod log_layer;
 mod mailbox;
-mod moment;
+mod rerun_writer;
 mod shapes;
 mod sink;
+mod snapshot;
 mod style;
 mod tap;
 mod trail;

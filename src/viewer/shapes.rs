@@ -1,7 +1,7 @@
 //! Poses, beams and walls as Rerun's archetypes.
 
 use super::chart::Picture;
-use super::moment::Beam;
+use super::snapshot::Beam;
 use super::style::{self, Rgba, colour};
 use crate::geometry::{Pose2, Segment};
 use nalgebra::Matrix3;

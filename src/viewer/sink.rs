@@ -3,9 +3,9 @@
 //! Logging into a connection blocks once its buffers are full (Rerun 0.36), and so does taking it down. So nobody ever waits for these
 //! threads longer than a given time; what they hold then goes with the process.
 
-use super::artist::Artist;
 use super::layout::APPLICATION;
 use super::mailbox::Inbox;
+use super::rerun_writer::RerunWriter;
 use rerun::log::ChunkBatcherConfig;
 use rerun::sink::{GrpcSink, GrpcSinkConnectionState, LogSink as _};
 use rerun::{MemoryLimit, RecordingStream, RecordingStreamBuilder, RecordingStreamResult, ServerOptions};
@@ -30,7 +30,7 @@ pub struct Identity {
 /// History that a server keeps for viewers that come later.
 const SERVER_MEMORY: u64 = 64 << 20;
 /// What may wait for a connection.
-const MOST_IN_FLIGHT: u64 = 2 << 20;
+const MAX_IN_FLIGHT: u64 = 2 << 20;
 /// Between two looks at a connection, or for one.
 const LOOK: Duration = Duration::from_secs(1);
 /// A viewer answers within this.
@@ -64,7 +64,7 @@ impl Identity {
     }
 
     fn connection(&self, url: &str) -> RecordingStreamResult<RecordingStream> {
-        let batches = ChunkBatcherConfig { max_bytes_in_flight: MOST_IN_FLIGHT, ..ChunkBatcherConfig::LOW_LATENCY };
+        let batches = ChunkBatcherConfig { max_bytes_in_flight: MAX_IN_FLIGHT, ..ChunkBatcherConfig::LOW_LATENCY };
         self.builder().batcher_config(batches).connect_grpc_opts(url)
     }
 }
@@ -72,13 +72,13 @@ impl Identity {
 /// Draws into a file or for a server until nothing more comes, and gives the stream back: a file's footer is written when its stream is
 /// dropped, and a server goes with its stream.
 pub(super) fn draw(rec: RecordingStream, identity: &Identity, inbox: &Inbox) -> Option<RecordingStream> {
-    let mut artist = Artist::new(identity.unix_zero_us);
-    complain(artist.begin(rec));
+    let mut writer = RerunWriter::new(identity.unix_zero_us);
+    complain(writer.begin(rec));
     while let Ok(news) = inbox.next(Duration::MAX) {
-        complain(artist.take(&news, inbox));
+        complain(writer.take(&news, inbox));
     }
-    complain(artist.step_back());
-    let rec = artist.end();
+    complain(writer.step_back());
+    let rec = writer.end();
     if let Some(rec) = &rec {
         complain(rec.flush_with_timeout(FAREWELL));
     }
@@ -88,23 +88,23 @@ pub(super) fn draw(rec: RecordingStream, identity: &Identity, inbox: &Inbox) -> 
 /// Draws for a viewer that listens, for as long as it does, and again when it is back.
 #[expect(clippy::disallowed_methods, reason = "a connection lives in real time")]
 pub(super) fn visit(url: &str, host: &str, identity: &Identity, inbox: &Inbox) {
-    let mut artist = Artist::new(identity.unix_zero_us);
+    let mut writer = RerunWriter::new(identity.unix_zero_us);
     let is_gone = Arc::new(AtomicBool::new(false));
     let mut looked: Option<Instant> = None;
     let (mut has_said, mut probe) = (false, Probe::default());
     loop {
         if looked.is_none_or(|looked| looked.elapsed() >= LOOK) {
             if is_gone.swap(false, Ordering::Relaxed)
-                && let Some(rec) = artist.end()
+                && let Some(rec) = writer.end()
             {
                 tracing::warn!("viewer: {url} is gone; it gets everything when it is back");
                 dispose(rec);
             }
-            match artist.canvas() {
+            match writer.canvas() {
                 Some(rec) => look_after(rec, &is_gone),
                 None if probe.listens(host, url) => {
                     tracing::info!("viewer: shown at {url}");
-                    complain(identity.connection(url).and_then(|rec| artist.begin(rec)));
+                    complain(identity.connection(url).and_then(|rec| writer.begin(rec)));
                 }
                 None if !std::mem::replace(&mut has_said, true) => {
                     tracing::info!("viewer: nobody answers at {url} yet; `rerun` opens a viewer there");
@@ -114,13 +114,13 @@ pub(super) fn visit(url: &str, host: &str, identity: &Identity, inbox: &Inbox) {
             looked = Some(Instant::now());
         }
         match inbox.next(LOOK) {
-            Ok(news) => complain(artist.take(&news, inbox)),
+            Ok(news) => complain(writer.take(&news, inbox)),
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => break,
         }
     }
-    complain(artist.step_back());
-    if let Some(rec) = artist.end() {
+    complain(writer.step_back());
+    if let Some(rec) = writer.end() {
         complain(rec.flush_with_timeout(FAREWELL));
         dispose(rec);
     }

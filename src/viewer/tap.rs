@@ -1,12 +1,12 @@
 //! The pipeline's thread: copies what is small, leaves it for the sinks, goes on.
 
-use super::mailbox::{Mailbox, NewMap, News};
-use super::moment::Moment;
+use super::mailbox::{Mailbox, NewMap, Update};
+use super::snapshot::Snapshot;
 use crate::event::{Estimate, Event, LockChange, LockEvent, PositionEvent};
 use crate::geometry::Ring;
 use crate::mapping::grid::MapChange;
 use crate::pipeline::Pipeline;
-use crate::source::session::{Scene, Sight};
+use crate::source::session::{Context, Update};
 use crate::time::Timestamp;
 use std::sync::Arc;
 use std::time::Duration;
@@ -49,29 +49,29 @@ impl Tap {
     }
 
     /// Takes what happens.
-    pub fn see(&mut self, scene: &Scene<'_>, sight: Sight<'_>) {
+    pub fn see(&mut self, scene: &Context<'_>, sight: Update<'_>) {
         match sight {
-            Sight::Event(Event::Estimate(estimate)) => {
+            Update::Event(Event::Estimate(estimate)) => {
                 // The first poses come all at once, when the axis is found; only the last one's sweep is still there.
                 if let Some(earlier) = self.estimate.replace(*estimate) {
                     self.show(scene, earlier.at, earlier.sweep, Some(earlier));
                 }
             }
-            Sight::Event(Event::Lock(LockEvent { change, .. })) => self.is_lost = *change == LockChange::Lost,
-            Sight::Event(Event::Position(PositionEvent { is_known, .. })) => self.is_lost = !is_known,
-            Sight::Event(_) => {}
-            Sight::Truth(at, pose) => {
+            Update::Event(Event::Lock(LockEvent { change, .. })) => self.is_lost = *change == LockChange::Lost,
+            Update::Event(Event::Position(PositionEvent { is_known, .. })) => self.is_lost = !is_known,
+            Update::Event(_) => {}
+            Update::Truth(at, pose) => {
                 if self.true_at.is_none_or(|last| at.seconds_since(last) >= TRUTH_PERIOD_S) {
                     self.true_at = Some(at);
-                    self.offer(&News::Truth(at, pose));
+                    self.offer(&Update::Truth(at, pose));
                 }
             }
-            Sight::Input => self.sweep(scene),
+            Update::Input => self.sweep(scene),
         }
     }
 
     /// Shows the newest sweep, if it is new.
-    fn sweep(&mut self, scene: &Scene<'_>) {
+    fn sweep(&mut self, scene: &Context<'_>) {
         let Some(sweep) = scene.pipeline.sweep() else { return };
         let estimate = self.estimate.take();
         if self.sweep == Some(sweep.index) && estimate.is_none() {
@@ -86,7 +86,7 @@ impl Tap {
         }
     }
 
-    fn show(&mut self, scene: &Scene<'_>, at: Timestamp, sweep: u64, estimate: Option<Estimate>) {
+    fn show(&mut self, scene: &Context<'_>, at: Timestamp, sweep: u64, estimate: Option<Estimate>) {
         if let Some(ring) = scene.pipeline.ring().filter(|ring| **ring != *self.ring) {
             self.ring = Arc::new(ring.clone());
         }
@@ -96,11 +96,11 @@ impl Tap {
         if segments.is_some() {
             self.walled = Some(at);
         }
-        let moment = Moment {
+        let snapshot = Snapshot {
             at,
             sweep,
             estimate,
-            beams: if is_newest { Moment::beams(scene.pipeline) } else { Vec::new() },
+            beams: if is_newest { Snapshot::beams(scene.pipeline) } else { Vec::new() },
             ring: Arc::clone(&self.ring),
             is_lost: self.is_lost,
             segments,
@@ -108,7 +108,7 @@ impl Tap {
             latency: Duration::from_secs_f64(scene.now.seconds_since(at).max(0.0)),
             took: scene.took,
         };
-        self.offer(&News::Moment(Arc::new(moment)));
+        self.offer(&Update::Snapshot(Arc::new(snapshot)));
     }
 
     fn look_at_map(&mut self, pipeline: &Pipeline, at: Timestamp) {
@@ -140,7 +140,7 @@ impl Tap {
         self.mailboxes.iter().for_each(|mailbox| mailbox.update_map(&update));
     }
 
-    fn offer(&self, news: &News) {
+    fn offer(&self, news: &Update) {
         self.mailboxes.iter().for_each(|mailbox| mailbox.offer(news.clone()));
     }
 }

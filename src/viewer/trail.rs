@@ -21,7 +21,7 @@ const SPACING_M: f64 = 0.04;
 /// Corners of a piece.
 const PIECE: usize = 128;
 /// Pieces kept: more than a kilometre.
-pub(super) const MOST_PIECES: usize = 256;
+pub(super) const MAX_PIECES: usize = 256;
 /// Above the map.
 const HEIGHT_M: f32 = 0.012;
 
@@ -39,7 +39,7 @@ impl Trail {
         if self.piece.len() == PIECE {
             self.past.push_back(std::mem::replace(&mut self.piece, vec![corner]));
             self.completed += 1;
-            if self.past.len() == MOST_PIECES {
+            if self.past.len() == MAX_PIECES {
                 self.past.pop_front();
             }
         }
@@ -54,14 +54,14 @@ impl Trail {
 
     /// Every piece.
     pub(super) fn all(&self) -> impl Iterator<Item = (usize, &[[f32; 3]])> {
-        self.newest(MOST_PIECES)
+        self.newest(MAX_PIECES)
     }
 
     /// The newest pieces: the one that grows, and complete ones before it.
     fn newest(&self, count: usize) -> impl Iterator<Item = (usize, &[[f32; 3]])> {
         let numbered = (self.completed - self.past.len()..).zip(self.past.iter().chain([&self.piece]));
         let skipped = (self.past.len() + 1).saturating_sub(count);
-        numbered.skip(skipped).map(|(number, piece)| (number % MOST_PIECES, &piece[..]))
+        numbered.skip(skipped).map(|(number, piece)| (number % MAX_PIECES, &piece[..]))
     }
 }
 
@@ -92,8 +92,8 @@ mod tests {
         for step in 0..200_000 {
             trail.push(Point::new(0.05 * f64::from(step), 0.0));
         }
-        assert_eq!(trail.all().count(), MOST_PIECES);
+        assert_eq!(trail.all().count(), MAX_PIECES);
         let numbers: std::collections::BTreeSet<usize> = trail.all().map(|(number, _)| number).collect();
-        assert_eq!(numbers.len(), MOST_PIECES);
+        assert_eq!(numbers.len(), MAX_PIECES);
     }
 }

@@ -65,10 +65,10 @@ pub(crate) struct Told {
 }
 
 /// Errors that a drive with broken sensors may have, as a ratio to the whole drive's.
-pub(crate) const MOST_RATIO: f64 = 1.5;
+pub(crate) const MAX_RATIO: f64 = 1.5;
 /// Nobody minds less: a sweep's error, and a drive's, which is the noise of one reading, metres.
-pub(crate) const LEAST_ERROR_M: f64 = 0.05;
-pub(crate) const LEAST_RMS_M: f64 = 0.02;
+pub(crate) const MIN_ERROR_M: f64 = 0.05;
+pub(crate) const MIN_RMS_M: f64 = 0.02;
 
 impl Drive {
     /// The flat with 32 sensors.
@@ -163,12 +163,12 @@ impl Outcome {
 
     /// Whether the drive is worse than the faults excuse.
     pub(crate) fn is_worse_than(&self, whole: &Self) -> bool {
-        self.rms_m > MOST_RATIO * whole.rms_m && self.rms_m > LEAST_RMS_M
+        self.rms_m > MAX_RATIO * whole.rms_m && self.rms_m > MIN_RMS_M
     }
 
     /// Of the sweeps that are farther off than 1.5 times the whole drive's greatest error, the share that say so; none where there are none.
     pub(crate) fn covered(&self, whole: &Self) -> Option<f64> {
-        let limit_m = (MOST_RATIO * whole.worst_m).max(LEAST_ERROR_M);
+        let limit_m = (MAX_RATIO * whole.worst_m).max(MIN_ERROR_M);
         let off: Vec<_> = self.sweeps.iter().filter(|told| told.error_m > limit_m).collect();
         let said = off.iter().filter(|told| told.is_uncertain || told.error_m <= told.two_sigma_m).count();
         (!off.is_empty()).then(|| said as f64 / off.len() as f64)

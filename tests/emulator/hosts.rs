@@ -26,7 +26,7 @@ pub struct Wire {
 }
 
 /// Later than this the board's time stands still instead.
-const MOST_LATE: Duration = Duration::from_millis(100);
+const MAX_LATE: Duration = Duration::from_millis(100);
 
 impl Wire {
     #[expect(clippy::disallowed_methods, reason = "a board in real time is a clock")]
@@ -51,7 +51,7 @@ impl Host for Wire {
         std::thread::sleep(due.saturating_duration_since(now));
         let late = now.saturating_duration_since(due);
         self.late = self.late.max(late);
-        if late > MOST_LATE {
+        if late > MAX_LATE {
             // A board does not hurry to catch up, and nobody would read that fast.
             self.begin += late;
             self.begin_unix_us += u64::try_from(late.as_micros()).expect("not that late");

@@ -7,8 +7,8 @@ use slamd::api::{Client, Snapshot, Token};
 use slamd::capture::{CaptureReader, Record};
 use slamd::config::Config;
 use slamd::event::{Event, Input, Output};
-use slamd::memory::{MapMemory, Memory};
 use slamd::pipeline::{Pipeline, Start};
+use slamd::saved_state::{MapState, SavedState};
 use slamd::session_file;
 use slamd::time::Timestamp;
 use slamd_protocol::{MAX_PAYLOAD, PayloadBuf, encode_frame};
@@ -60,7 +60,7 @@ impl Line {
     pub fn end(mut self) -> Outcome {
         let counters = self.pipeline.counters();
         (self.outcome.frames, self.outcome.sweeps) = (counters.frames, counters.sweeps);
-        let _ = (self.pipeline.memory(), self.pipeline.raster());
+        let _ = (self.pipeline.saved_state(), self.pipeline.raster());
         self.outcome
     }
 }
@@ -133,7 +133,7 @@ pub fn read_session(bytes: &[u8]) -> bool {
     let Ok(memory) = session_file::decode(bytes) else { return false };
     for start in [Start::Resume(Box::new(memory.clone())), Start::Localize(Box::new(memory))] {
         if let Ok(mut pipeline) = Pipeline::begin(&Config::default(), start) {
-            let _ = (pipeline.memory(), pipeline.raster(), pipeline.poll_output());
+            let _ = (pipeline.saved_state(), pipeline.raster(), pipeline.poll_output());
         }
     }
     true
@@ -147,8 +147,8 @@ pub fn read_sealed_session(payload: &[u8]) -> bool {
 }
 
 /// Reads the map of a session, finds a robot's ring in it and goes on with it. True where the map can be one.
-pub fn read_map(map: &[u8], mut session: Memory) -> bool {
-    let Ok(map) = postcard::from_bytes::<MapMemory>(map) else { return false };
+pub fn read_map(map: &[u8], mut session: SavedState) -> bool {
+    let Ok(map) = postcard::from_bytes::<MapState>(map) else { return false };
     session.map = map;
     let config = ring_config();
     let begun = [Start::Resume(Box::new(session.clone())), Start::Localize(Box::new(session))]

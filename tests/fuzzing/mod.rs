@@ -12,8 +12,8 @@ use mutation::Mutator;
 use slamd::capture::{CaptureInfo, CaptureWriter, Record};
 use slamd::config::{Config, Method};
 use slamd::import::{carmen, ring};
-use slamd::memory::Memory;
 use slamd::pipeline::Pipeline;
+use slamd::saved_state::SavedState;
 use slamd::session_file;
 use slamd::sim::fault::FaultMix;
 use slamd::sim::link::LinkFaults;
@@ -84,7 +84,7 @@ impl Corpus {
         let captures = vec![capture(&drive[..FILE_RECORDS]), unsealed(&drive[..FILE_RECORDS])];
         let mut pipeline = Pipeline::new(&Config::default());
         drive.iter().for_each(|record| feed(&mut pipeline, record));
-        let memory = pipeline.memory().expect("the drive is long enough for a map");
+        let memory = pipeline.saved_state().expect("the drive is long enough for a map");
         Self {
             drive,
             frames,
@@ -101,7 +101,7 @@ impl Corpus {
     }
 
     /// What the drive is remembered by.
-    pub fn memory(&self) -> Memory {
+    pub fn saved_state(&self) -> SavedState {
         session_file::decode(&self.session).expect("sound")
     }
 
@@ -120,7 +120,7 @@ impl Corpus {
         let pieces = |frames: &[(u8, Vec<u8>)]| -> Vec<u8> {
             frames.iter().flat_map(|(kind, payload)| piece(*kind, payload)).collect()
         };
-        let map = postcard::to_allocvec(&self.memory().map).expect("numbers and lists");
+        let map = postcard::to_allocvec(&self.saved_state().map).expect("numbers and lists");
         [
             ("line", self.frames.chunks(self.frames.len().div_ceil(8)).map(pieces).collect()),
             ("capture", self.captures.clone()),

@@ -23,7 +23,7 @@ pub struct Killed {
 }
 
 /// Most of what a killed recording may lose, milliseconds.
-pub const MOST_LOST_MS: f64 = 100.0;
+pub const MAX_LOST_MS: f64 = 100.0;
 const LINE_EVERY: Duration = Duration::from_millis(2);
 const LONGEST_US: u64 = 1_500_000;
 

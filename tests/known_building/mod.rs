@@ -7,9 +7,9 @@ use slamd::capture::Record;
 use slamd::config::Config;
 use slamd::event::{Event, Input, Output};
 use slamd::geometry::{Point, Pose2, wrap_angle};
-use slamd::memory::Memory;
 use slamd::metrics::AccuracyMeter;
 use slamd::pipeline::{Pipeline, Start};
+use slamd::saved_state::SavedState;
 use slamd::session_file;
 use slamd::sim::fault::FaultMix;
 use slamd::sim::link::LinkFaults;
@@ -84,7 +84,7 @@ impl Truths {
 
 /// A building as a drive has left it.
 pub(crate) struct Known {
-    pub(crate) memory: Memory,
+    pub(crate) memory: SavedState,
     pub(crate) world_from_map: Pose2,
     /// Where the drive went.
     pub(crate) places: Vec<Point>,
@@ -106,7 +106,7 @@ pub(crate) fn remember(name: &str, seed: u64, duration_s: f64) -> Known {
             places.push(pose.position());
         }
     }
-    let memory = pipeline.memory().expect("the walls method remembers");
+    let memory = pipeline.saved_state().expect("the walls method remembers");
     let memory = session_file::decode(&session_file::encode(&memory)).expect("what was written is read");
     Known { memory, world_from_map: meter.world_from_map().expect("a drive has a truth"), places }
 }

@@ -1,4 +1,4 @@
-//! One life of the program: the daemon's loop around [`Line`], on the simulated world.
+//! One life of the program: the daemon's loop around [`LiveSession`], on the simulated world.
 //!
 //! What the loop does between two wakes is the daemon's own code. Here is what `src/daemon.rs` has of tokio, port and threads: waiting, reading,
 //! writing, opening; and what the recorder's thread does.
@@ -14,7 +14,7 @@ use slamd::link::{Link, LinkState, Remedy};
 use slamd::pipeline::Start;
 use slamd::recorder::{Chunk, Losses, Tape};
 use slamd::session_file;
-use slamd::source::live::{Line, MOST_OUTGOING};
+use slamd::source::live::{LiveSession, MAX_OUTGOING};
 use slamd::source::session::Session;
 use slamd::time::Timestamp;
 use std::cell::RefCell;
@@ -55,7 +55,7 @@ const SAVE: Duration = Duration::from_secs(10);
 /// A missing port is looked for this often.
 const LOOK_US: u64 = 100_000;
 /// What waits for the disk, at most: the tape's bound, and the capture chunk that is open.
-const MOST_WAITING: usize = 17 << 20;
+const MAX_WAITING: usize = 17 << 20;
 /// The recorder's thread looks after a silent line this often.
 const IDLE: Duration = Duration::from_secs(1);
 
@@ -117,7 +117,7 @@ impl Life<'_> {
     }
 
     fn run(&mut self, link: &mut Link, session: &mut Session) {
-        let mut line = Line::begin("robot".into(), self.now(), link, session);
+        let mut line = LiveSession::begin("robot".into(), self.now(), link, session);
         loop {
             self.check(&mut line);
             let mut hung_up = None;
@@ -171,7 +171,7 @@ impl Life<'_> {
     }
 
     /// Waits as tokio does: for the port, the deadline or the end.
-    fn wait(&mut self, line: &Line<'_>) -> Wake {
+    fn wait(&mut self, line: &LiveSession<'_>) -> Wake {
         loop {
             if is_over(self.world, self.plan) {
                 return Wake::End;
@@ -211,7 +211,7 @@ impl Life<'_> {
         }
     }
 
-    fn write(&mut self, line: &mut Line<'_>) -> Option<Chunk> {
+    fn write(&mut self, line: &mut LiveSession<'_>) -> Option<Chunk> {
         let frame = line.outgoing()?.to_vec();
         let count = self.world.cable.takes(self.world.t_us, &frame)?;
         self.world.write(&frame[..count]);
@@ -238,20 +238,20 @@ impl Life<'_> {
         }
     }
 
-    fn save(&mut self, line: &mut Line<'_>) {
+    fn save(&mut self, line: &mut LiveSession<'_>) {
         if self.now() < self.save_at {
             return;
         }
         self.save_at = self.now() + SAVE;
-        if let Some(memory) = line.parts().1.memory() {
+        if let Some(memory) = line.parts().1.saved_state() {
             self.saved = Some(session_file::encode(&memory));
         }
     }
 
     /// What must hold at each step.
-    fn check(&mut self, line: &mut Line<'_>) {
-        assert!(line.waiting() <= MOST_OUTGOING, "{} frames wait", line.waiting());
-        assert!(self.tape.waiting_bytes() <= MOST_WAITING, "{} bytes wait for the disk", self.tape.waiting_bytes());
+    fn check(&mut self, line: &mut LiveSession<'_>) {
+        assert!(line.waiting() <= MAX_OUTGOING, "{} frames wait", line.waiting());
+        assert!(self.tape.waiting_bytes() <= MAX_WAITING, "{} bytes wait for the disk", self.tape.waiting_bytes());
         let now = self.now();
         let (link, session) = line.parts();
         assert!(session.now() <= now, "the session is ahead of the clock");

@@ -1,6 +1,6 @@
 //! The whole daemon in a simulated world: one seed makes building, robot, acoustics, board, line, clocks, disk and all that goes wrong with them.
 //!
-//! The code under test is the program's own, from the bytes of the port to the files: [`slamd::source::live::Line`] is what the daemon does between
+//! The code under test is the program's own, from the bytes of the port to the files: [`slamd::source::live::LiveSession`] is what the daemon does between
 //! two wakes, [`slamd::recorder::Tape`] what its recorder does. A failure is a panic that names the seed and the command that repeats it.
 
 #![allow(dead_code, unreachable_pub, reason = "each user takes its part")]

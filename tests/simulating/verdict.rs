@@ -19,7 +19,7 @@ use std::path::Path;
 use std::time::Duration;
 
 /// No sensor knows its place better after a minute, and no drive of the seeds that were looked at was off by half of it.
-const MOST_OFF_M: f64 = 0.5;
+const MAX_OFF_M: f64 = 0.5;
 
 /// Judges a life; `start` is what it began with.
 pub fn judge(world: &mut World, plan: &Plan, start: Start, remains: Remains, folder: &Path) {
@@ -96,7 +96,7 @@ fn replayed(records: Vec<Record>, start: Start, remains: &Remains, folder: &Path
 
 /// Map, pose and all that is remembered are the same to the last bit.
 fn same(live: &Session, again: &Session) {
-    let bytes = |session: &Session| session.memory().map(|memory| session_file::encode(&memory));
+    let bytes = |session: &Session| session.saved_state().map(|memory| session_file::encode(&memory));
     assert!(live.pipeline().raster() == again.pipeline().raster(), "the map is not that of what was received");
     assert!(bytes(live) == bytes(again), "the memory is not that of what was received");
     assert_eq!(live.pipeline().counters(), again.pipeline().counters(), "counted live and replayed");
@@ -132,7 +132,7 @@ fn accuracy(world: &mut World, plan: &Plan, remains: &Remains) {
     let off_mm = (accuracy.ate_max_m * 1e3) as u64;
     if plan.is_clean {
         world.met.worst_clean_mm = world.met.worst_clean_mm.max(off_mm);
-        assert!(accuracy.ate_max_m < MOST_OFF_M, "{accuracy:?} without any disturbance");
+        assert!(accuracy.ate_max_m < MAX_OFF_M, "{accuracy:?} without any disturbance");
     }
     world.met.worst_mm = world.met.worst_mm.max(off_mm);
 }

@@ -2,7 +2,7 @@
 
 use slamd::event::{Estimate, Event};
 use slamd::link::Link;
-use slamd::source::session::{Scene, Sight};
+use slamd::source::session::{Context, Update};
 use slamd::time::Timestamp;
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -28,10 +28,10 @@ impl Watch {
         (watch, Box::new(move |scene, sight| seen.borrow_mut().see(scene, sight)))
     }
 
-    fn see(&mut self, scene: &Scene<'_>, sight: Sight<'_>) {
+    fn see(&mut self, scene: &Context<'_>, sight: Update<'_>) {
         assert!(scene.now >= self.now, "session time ran back from {:?} to {:?}", self.now, scene.now);
         self.now = scene.now;
-        let Sight::Event(event) = sight else { return };
+        let Update::Event(event) = sight else { return };
         match event {
             Event::Estimate(estimate) => self.pose(estimate),
             Event::BoardReset { at } => {

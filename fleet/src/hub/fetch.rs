@@ -1,6 +1,6 @@
 //! Fetches what a robot offers: one thread per robot, one question after the other.
 
-use super::News;
+use super::Update;
 use super::copy::{Copy, CopyError, Files};
 use super::replica::Replica;
 use crate::name::{Name, Topic, key};
@@ -14,7 +14,7 @@ use zenoh::{Session, Wait as _};
 
 /// What is to be fetched.
 #[derive(Clone, Debug)]
-pub struct Wish {
+pub struct Request {
     /// What the robot offers.
     pub captures: Vec<Offer>,
     /// Its map is far ahead of what is known of its capture.
@@ -28,15 +28,15 @@ struct Fetcher {
     session: Session,
     keys: [String; 2],
     open: BTreeMap<SessionId, (Copy, Replica)>,
-    news: Sender<News>,
+    news: Sender<Update>,
 }
 
 /// A robot that answers no sooner is asked again when it tells its status.
 const PATIENCE: Duration = Duration::from_secs(5);
-const MOST_WORDS: usize = 200;
+const MAX_WORDS: usize = 200;
 
 /// Begins to fetch from a robot into its folder; what is told last is fetched.
-pub fn begin(site: &Name, robot: &Name, folder: PathBuf, session: &Session, news: &Sender<News>) -> Sender<Wish> {
+pub fn begin(site: &Name, robot: &Name, folder: PathBuf, session: &Session, news: &Sender<Update>) -> Sender<Request> {
     let (wishes, wanted) = channel();
     let mut fetcher = Fetcher {
         robot: robot.clone(),
@@ -49,7 +49,7 @@ pub fn begin(site: &Name, robot: &Name, folder: PathBuf, session: &Session, news
     std::thread::spawn(move || {
         while let Some(wish) = newest(&wanted) {
             if let Err(words) = fetcher.fetch(&wish) {
-                fetcher.tell(News::Trouble(fetcher.robot.clone(), words));
+                fetcher.tell(Update::Trouble(fetcher.robot.clone(), words));
             }
         }
     });
@@ -57,18 +57,18 @@ pub fn begin(site: &Name, robot: &Name, folder: PathBuf, session: &Session, news
 }
 
 /// Waits for a wish, and passes over those that are out of date.
-fn newest(wanted: &Receiver<Wish>) -> Option<Wish> {
+fn newest(wanted: &Receiver<Request>) -> Option<Request> {
     let first = wanted.recv().ok()?;
     Some(wanted.try_iter().last().unwrap_or(first))
 }
 
 impl Fetcher {
-    fn fetch(&mut self, wish: &Wish) -> Result<(), String> {
+    fn fetch(&mut self, wish: &Request) -> Result<(), String> {
         if wish.map
             && let Some(bytes) = self.ask(&self.keys[1])?
         {
             let grid = Grid::decode(&bytes).map_err(|error| format!("its map {error}"))?;
-            self.tell(News::Map(self.robot.clone(), grid));
+            self.tell(Update::Map(self.robot.clone(), grid));
         }
         // The drive under way first.
         for offer in wish.captures.iter().rev() {
@@ -104,7 +104,7 @@ impl Fetcher {
                     return finished;
                 }
                 Ok(()) if piece.bytes.is_empty() => break,
-                Ok(()) => self.tell(News::Fetched(self.robot.clone(), session, copy.bytes())),
+                Ok(()) => self.tell(Update::Fetched(self.robot.clone(), session, copy.bytes())),
                 Err(CopyError::Digest) if !has_begun_again => {
                     tracing::warn!("{}: session {session}: {}; it is fetched anew", self.robot, CopyError::Digest);
                     has_begun_again = true;
@@ -146,12 +146,12 @@ impl Fetcher {
             Err(refusal) => {
                 // A stranger's words: short, and without what takes over a terminal.
                 let words = String::from_utf8_lossy(&refusal.payload().to_bytes()).into_owned();
-                Err(words.chars().filter(|character| !character.is_control()).take(MOST_WORDS).collect())
+                Err(words.chars().filter(|character| !character.is_control()).take(MAX_WORDS).collect())
             }
         }
     }
 
-    fn tell(&self, news: News) {
+    fn tell(&self, news: Update) {
         // The hub is ending where nobody listens.
         let _ = self.news.send(news);
     }

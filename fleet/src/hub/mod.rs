@@ -18,14 +18,14 @@ pub mod heard;
 pub mod replica;
 pub mod status;
 
-mod desk;
+mod state;
 
 use crate::fleet_file::FleetFile;
 use crate::name::{Name, Topic, key};
 use crate::network::{Endpoint, listen};
 use crate::session::SessionId;
 use crate::wire::{Grid, Pose, Status, Sweep, from_json};
-use desk::Desk;
+use state::HubState;
 use heard::Kind as Put;
 use replica::Played;
 use slamd::cli::{Failure, Kind};
@@ -40,7 +40,7 @@ use zenoh::{Session, Wait as _};
 
 /// Something that has happened to a robot.
 #[derive(Debug)]
-pub enum News {
+pub enum Update {
     /// It is there, or is not.
     Alive(Name, bool),
     /// It tells what it has.
@@ -69,7 +69,7 @@ pub struct Hub {
 }
 
 /// Puts that may wait to be noted: more are lost, and refilled.
-const MOST_WAITING: usize = 10_000;
+const MAX_WAITING: usize = 10_000;
 /// How soon a change is in the map.
 const TURN: Duration = Duration::from_millis(500);
 
@@ -80,7 +80,7 @@ impl Hub {
     /// Where the folder cannot be used, or nobody could come in, or too many.
     pub fn run(&self, at: &Endpoint, users: Option<&Path>) -> Result<(), Failure> {
         let (news, heard) = channel();
-        let mut desk = Desk::open(self, &news).map_err(|error| {
+        let mut state = HubState::open(self, &news).map_err(|error| {
             let text = format!("{}: {error}; choose a folder that can be written with --out", self.folder.display());
             Failure::new(Kind::CantCreate, text)
         })?;
@@ -91,10 +91,10 @@ impl Hub {
                 .map_err(|error| Failure::new(Kind::Unavailable, error.to_string()))?;
             let folder = self.captures(robot);
             create_folder(&folder).map_err(|error| Failure::new(Kind::CantCreate, error.to_string()))?;
-            desk.fetch_by(robot, fetch::begin(&self.site, robot, folder, &session, &news));
+            state.fetch_by(robot, fetch::begin(&self.site, robot, folder, &session, &news));
         }
         tracing::info!("site {}: listening, {} robots may come", self.site, self.fleet.robots().len());
-        work(&mut desk, &heard, &waiting)
+        work(&mut state, &heard, &waiting)
     }
 
     fn captures(&self, robot: &Name) -> PathBuf {
@@ -106,13 +106,13 @@ impl Hub {
         &self,
         robot: &Name,
         session: &Session,
-        news: &Sender<News>,
+        news: &Sender<Update>,
         waiting: &Arc<AtomicUsize>,
     ) -> zenoh::Result<()> {
         let (name, out, waiting) = (robot.clone(), news.clone(), Arc::clone(waiting));
         let hear = move |sample: Sample| {
             let Some(item) = item(&name, &sample) else { return };
-            if matches!(item, News::Heard(..)) && waiting.fetch_add(1, Ordering::AcqRel) >= MOST_WAITING {
+            if matches!(item, Update::Heard(..)) && waiting.fetch_add(1, Ordering::AcqRel) >= MAX_WAITING {
                 waiting.fetch_sub(1, Ordering::AcqRel);
                 return;
             }
@@ -123,7 +123,7 @@ impl Hub {
         session.declare_subscriber(every).callback(hear).background().wait()?;
         let (name, out) = (robot.clone(), news.clone());
         let notice = move |sample: Sample| {
-            let _ = out.send(News::Alive(name.clone(), sample.kind() == SampleKind::Put));
+            let _ = out.send(Update::Alive(name.clone(), sample.kind() == SampleKind::Put));
         };
         let alive = key(&self.site, robot, Topic::Alive);
         session.liveliness().declare_subscriber(alive).history(true).callback(notice).background().wait()
@@ -131,35 +131,35 @@ impl Hub {
 }
 
 /// What a put says; none where it says nothing that is known.
-fn item(robot: &Name, sample: &Sample) -> Option<News> {
+fn item(robot: &Name, sample: &Sample) -> Option<Update> {
     let payload = sample.payload().to_bytes();
     let topic = sample.key_expr().as_str().rsplit('/').next().unwrap_or_default();
     let read = if topic == Topic::Pose.word() {
-        from_json::<Pose>(&payload).map(|pose| News::Heard(robot.clone(), pose.session, Put::Pose, pose.seq))
+        from_json::<Pose>(&payload).map(|pose| Update::Heard(robot.clone(), pose.session, Put::Pose, pose.seq))
     } else if topic == Topic::Sweep.word() {
-        from_json::<Sweep>(&payload).map(|sweep| News::Heard(robot.clone(), sweep.session, Put::Sweep, sweep.seq))
+        from_json::<Sweep>(&payload).map(|sweep| Update::Heard(robot.clone(), sweep.session, Put::Sweep, sweep.seq))
     } else if topic == Topic::Status.word() {
-        from_json::<Status>(&payload).map(|status| News::Status(robot.clone(), status))
+        from_json::<Status>(&payload).map(|status| Update::Status(robot.clone(), status))
     } else {
         return None;
     };
-    Some(read.unwrap_or_else(|error| News::Trouble(robot.clone(), format!("its {topic} {error}"))))
+    Some(read.unwrap_or_else(|error| Update::Trouble(robot.clone(), format!("its {topic} {error}"))))
 }
 
 /// The hub's only loop.
-fn work(desk: &mut Desk, heard: &Receiver<News>, waiting: &AtomicUsize) -> Result<(), Failure> {
+fn work(state: &mut HubState, heard: &Receiver<Update>, waiting: &AtomicUsize) -> Result<(), Failure> {
     loop {
         match heard.recv_timeout(TURN) {
             Ok(item) => {
-                if matches!(item, News::Heard(..)) {
+                if matches!(item, Update::Heard(..)) {
                     waiting.fetch_sub(1, Ordering::AcqRel);
                 }
-                desk.take(item).map_err(writing)?;
+                state.take(item).map_err(writing)?;
             }
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => return Ok(()),
         }
-        desk.publish_if_due().map_err(writing)?;
+        state.publish_if_due().map_err(writing)?;
     }
 }
 

@@ -1,6 +1,6 @@
 //! A drive, played on the hub from its copy of the capture while that grows: so what was lost on the way is there all the same.
 
-use super::News;
+use super::Update;
 use super::copy::{Files, digest};
 use crate::clock::{Moment, wait};
 use crate::follow::{Follow, Grip};
@@ -51,20 +51,20 @@ const LOOK: Duration = Duration::from_millis(20);
 impl Replica {
     /// Begins to play a copy, whole or not, in a thread of its own.
     #[must_use]
-    pub fn begin(robot: &Name, files: &Files, news: &Sender<News>) -> Self {
+    pub fn begin(robot: &Name, files: &Files, news: &Sender<Update>) -> Self {
         let replica = Self { grip: Grip::default(), is_abandoned: Arc::default() };
         let (grip, is_abandoned) = (replica.grip.clone(), Arc::clone(&replica.is_abandoned));
         let (robot, files, news) = (robot.clone(), files.clone(), news.clone());
         std::thread::spawn(move || {
-            let tell = |item: News| {
+            let tell = |item: Update| {
                 if !is_abandoned.load(Ordering::Acquire) {
                     // The hub is ending where nobody listens.
                     let _ = news.send(item);
                 }
             };
-            match play(&files, &grip, |grid| tell(News::Map(robot.clone(), grid))) {
-                Ok(played) => tell(News::Played(robot.clone(), Box::new(played))),
-                Err(error) => tell(News::Trouble(robot.clone(), error.to_string())),
+            match play(&files, &grip, |grid| tell(Update::Map(robot.clone(), grid))) {
+                Ok(played) => tell(Update::Played(robot.clone(), Box::new(played))),
+                Err(error) => tell(Update::Trouble(robot.clone(), error.to_string())),
             }
         });
         replica

@@ -8,7 +8,7 @@ use crate::name::{Name, Topic, key};
 use crate::network::{Endpoint, connect};
 use crate::player::{PlayError, Player, Report};
 use crate::session::SessionId;
-use crate::wire::{Grid, MOST_SESSIONS, Status, VERSION, to_json};
+use crate::wire::{Grid, MAX_SESSIONS, Status, VERSION, to_json};
 use shelf::{Book, Extent, Shelf};
 use slamd::cli::{Failure, Kind};
 use slamd::time::Timestamp;
@@ -56,8 +56,8 @@ impl Robot {
         let Some((last, older)) = self.captures.split_last() else {
             return Err(Failure::new(Kind::Usage, "name the capture that slamd records with --capture"));
         };
-        if self.captures.len() > MOST_SESSIONS {
-            return Err(Failure::new(Kind::Usage, format!("{MOST_SESSIONS} captures at most can be offered")));
+        if self.captures.len() > MAX_SESSIONS {
+            return Err(Failure::new(Kind::Usage, format!("{MAX_SESSIONS} captures at most can be offered")));
         }
         for path in older {
             match Book::finished(path)? {

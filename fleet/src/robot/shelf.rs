@@ -2,7 +2,7 @@
 
 use crate::follow::Grip;
 use crate::session::SessionId;
-use crate::wire::{MOST_PIECE, Offer, Piece};
+use crate::wire::{MAX_PIECE, Offer, Piece};
 use sha2::{Digest as _, Sha256};
 use slamd::capture::{CaptureError, CaptureReader};
 use std::fs::File;
@@ -116,7 +116,7 @@ impl Shelf {
         if from > offer.bytes {
             return Err(PieceError::Beyond { bytes: offer.bytes, from });
         }
-        let length = (offer.bytes - from).min(MOST_PIECE);
+        let length = (offer.bytes - from).min(MAX_PIECE);
         let mut file = File::open(&book.path)?;
         let mut running = self.digest.lock().unwrap_or_else(PoisonError::into_inner);
         let before = running.take().filter(|running| running.session == session && running.bytes <= from);
@@ -136,8 +136,8 @@ impl Running {
         let mut left = length;
         loop {
             let mut bytes = Vec::new();
-            let count = file.by_ref().take(left.min(MOST_PIECE)).read_to_end(&mut bytes)? as u64;
-            if count < left.min(MOST_PIECE) {
+            let count = file.by_ref().take(left.min(MAX_PIECE)).read_to_end(&mut bytes)? as u64;
+            if count < left.min(MAX_PIECE) {
                 return Err(io::ErrorKind::UnexpectedEof.into());
             }
             self.sha256.update(&bytes);
@@ -162,7 +162,7 @@ mod tests {
         let session = SessionId::default();
         let shelf = Shelf::default();
         shelf.put(Book { session, path: path.clone(), extent: Extent::Growing });
-        let most = usize::try_from(MOST_PIECE).unwrap();
+        let most = usize::try_from(MAX_PIECE).unwrap();
         for from in [0, most, 10, 600_000, 600_000, 700_000] {
             let piece = shelf.piece(session, from as u64).unwrap();
             let end = (from + most).min(content.len());

@@ -10,7 +10,7 @@ const LITTLE_ROOM: u64 = 200_000_000;
 const RERUN: &str = "0.36.";
 const RERUN_FIX: &str = "to watch the map grow: pip install rerun-sdk==0.36.3";
 /// An FTDI bridge that holds bytes for longer than this delays every answer, milliseconds.
-const MOST_LATENCY_MS: u32 = 2;
+const MAX_LATENCY_MS: u32 = 2;
 
 /// What does not depend on the port.
 pub(super) fn findings(out: &Path) -> Vec<Finding> {
@@ -57,7 +57,7 @@ fn grabbers(comms: &[String]) -> Vec<Finding> {
 
 fn latency_timer(device: &Path, ms: u32) -> Option<Finding> {
     let device = device.display();
-    (ms > MOST_LATENCY_MS).then(|| {
+    (ms > MAX_LATENCY_MS).then(|| {
         Finding::new(
             Level::Warning,
             "host.latency_timer",

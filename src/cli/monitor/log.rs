@@ -16,7 +16,7 @@ pub(super) struct Log {
 }
 
 /// No screen has more rows.
-const MOST_LINES: usize = 200;
+const MAX_LINES: usize = 200;
 /// A longer line is cut, bytes.
 const LONGEST: usize = 1_000;
 
@@ -49,7 +49,7 @@ impl Write for Log {
         let text = String::from_utf8_lossy(bytes.get(..LONGEST).unwrap_or(bytes));
         let mut lines = self.lines.lock().unwrap_or_else(PoisonError::into_inner);
         lines.extend(text.lines().map(str::to_owned));
-        let surplus = lines.len().saturating_sub(MOST_LINES);
+        let surplus = lines.len().saturating_sub(MAX_LINES);
         lines.drain(..surplus);
         Ok(bytes.len())
     }
@@ -80,7 +80,7 @@ mod tests {
         }
         log.write_all(&[b'x'; 5_000]).unwrap();
         let lines = log.lines();
-        assert!(lines.len() <= MOST_LINES, "{}", lines.len());
+        assert!(lines.len() <= MAX_LINES, "{}", lines.len());
         assert!(lines.contains(&"999".to_owned()) && !lines.contains(&"700".to_owned()));
         assert!(lines.iter().all(|line| line.len() <= LONGEST));
     }

@@ -1,6 +1,6 @@
 //! The cells along a ray: a step is two additions, and a tile is looked up once for the cells of it that follow each other.
 
-use super::{Cell, FLOOR, Facing, OccupancyGrid, Tile, bit_in_tile, place_in_tile, tile_of};
+use super::{Cell, FLOOR, OccupancyGrid, Tile, WallNormal, bit_in_tile, place_in_tile, tile_of};
 use crate::geometry::Point;
 
 /// A ray's cells, one cell's length apart.
@@ -74,12 +74,12 @@ impl OccupancyGrid {
                 }
                 continue;
             };
-            let Tile { cells, facing, .. } = &mut *self.tiles[place];
+            let Tile { cells, normal, .. } = &mut *self.tiles[place];
             while ray.left > 0 && tile_of(ray.cell()) == key {
                 let value = &mut cells[place_in_tile(ray.cell())];
                 if *value > 0 {
                     let (row, bit) = bit_in_tile(ray.cell());
-                    if *value > opaque || facing[row].iter().any(|bits| bits & bit != 0) {
+                    if *value > opaque || normal[row].iter().any(|bits| bits & bit != 0) {
                         return Some((length - ray.left, ray.cell()));
                     }
                 }
@@ -119,9 +119,9 @@ impl Reader<'_> {
 
     /// The one axis that the wall in the cell read last, or one of its tile, faces along; none where that is not known.
     #[must_use]
-    pub fn facing(&self, cell: Cell) -> Option<Facing> {
+    pub fn normal(&self, cell: Cell) -> Option<WallNormal> {
         let (row, bit) = bit_in_tile(cell);
-        self.tile?.facing(row, bit)
+        self.tile?.normal(row, bit)
     }
 }
 
@@ -152,13 +152,13 @@ mod tests {
             let mut grid = OccupancyGrid::new(0.05);
             for &(column, row) in cells.iter().step_by(2) {
                 grid.add(Cell { column, row }, 90);
-                grid.face(Cell { column, row }, Facing::Y);
+                grid.face(Cell { column, row }, WallNormal::Y);
             }
             let mut reader = grid.reader();
             for (column, row) in cells {
                 let cell = Cell { column, row };
                 prop_assert_eq!(reader.log_odds(cell), grid.log_odds(cell));
-                prop_assert_eq!(reader.facing(cell), grid.facing(cell));
+                prop_assert_eq!(reader.normal(cell), grid.normal(cell));
             }
         }
     }

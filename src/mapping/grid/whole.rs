@@ -7,7 +7,7 @@ use crate::mapping::raster::Raster;
 
 impl OccupancyGrid {
     /// The known part of the grid as a rectangle. A cell of it is one of the grid's, or the most occupied of a square of them where there would
-    /// be more than [`crate::mapping::raster::MOST_CELLS`].
+    /// be more than [`crate::mapping::raster::MAX_CELLS`].
     #[must_use]
     #[expect(clippy::cast_sign_loss, reason = "differences from the minimum")]
     pub fn raster(&self) -> Raster {
@@ -22,8 +22,8 @@ impl OccupancyGrid {
             for (y, cells) in self.tiles[tile].cells.chunks_exact(TILE).enumerate() {
                 let line = &mut occupancy[(first_row + y) / merge * width..][..width];
                 for (x, &value) in cells.iter().enumerate().filter(|(_, value)| **value != 0) {
-                    let target = &mut line[(first_column + x) / merge];
-                    *target = (*target).max(percent[(value - FLOOR) as usize]);
+                    let kind = &mut line[(first_column + x) / merge];
+                    *kind = (*kind).max(percent[(value - FLOOR) as usize]);
                 }
             }
         }

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 /// One sweep, and what is known by then.
 #[derive(Clone, Debug)]
-pub(super) struct Moment {
+pub(super) struct Snapshot {
     /// The sweep's reference instant.
     pub(super) at: Timestamp,
     /// The sweep's number.
@@ -51,7 +51,7 @@ pub(super) struct Beam {
     pub(super) residual_m: f32,
 }
 
-impl Moment {
+impl Snapshot {
     /// The newest sweep of the pipeline.
     #[expect(clippy::cast_possible_truncation, reason = "to be looked at")]
     pub(super) fn beams(pipeline: &Pipeline) -> Vec<Beam> {

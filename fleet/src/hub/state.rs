@@ -1,18 +1,18 @@
 //! What the hub knows, and the files it keeps of it. One thread owns it.
 
 use super::copy::Files;
-use super::fetch::Wish;
+use super::fetch::Request;
 use super::heard::{Heard, Kind as Put};
 use super::replica::{Played, Replica};
 use super::status::{RobotStatus, SessionSummary, SiteStatus};
-use super::{Hub, News};
+use super::{Hub, Update};
 use crate::clock::Moment;
 use crate::map_files;
 use crate::merge::Newest;
 use crate::name::Name;
 use crate::session::SessionId;
 use crate::site::{Place, Site};
-use crate::wire::{Grid, MOST_SESSIONS, Status};
+use crate::wire::{Grid, MAX_SESSIONS, Status};
 use slamd::private::create_folder;
 use slamd::publish::write_file;
 use std::collections::{BTreeMap, BTreeSet};
@@ -23,9 +23,9 @@ use std::sync::mpsc::Sender;
 use std::time::Duration;
 
 /// What the hub knows.
-pub(super) struct Desk {
+pub(super) struct HubState {
     hub: Hub,
-    robots: BTreeMap<Name, Seat>,
+    robots: BTreeMap<Name, RobotEntry>,
     newest: Newest,
     /// Robots whose newest map is not on disk yet.
     unsaved: BTreeSet<Name>,
@@ -40,8 +40,8 @@ pub(super) struct Desk {
 
 /// One robot.
 #[derive(Default)]
-struct Seat {
-    wishes: Option<Sender<Wish>>,
+struct RobotEntry {
+    wishes: Option<Sender<Request>>,
     heard: BTreeMap<SessionId, Heard>,
     status: RobotStatus,
 }
@@ -51,11 +51,11 @@ const PUBLISH_EVERY: Duration = Duration::from_secs(2);
 /// A map that is so many records ahead of what is here of the capture is asked for: some seconds.
 const AHEAD: u64 = 300;
 
-impl Desk {
+impl HubState {
     /// Takes up what an earlier hub has left in the folder.
-    pub(super) fn open(hub: &Hub, news: &Sender<News>) -> io::Result<Self> {
+    pub(super) fn open(hub: &Hub, news: &Sender<Update>) -> io::Result<Self> {
         create_folder(&hub.folder.join("maps"))?;
-        let mut desk = Self {
+        let mut state = Self {
             hub: hub.clone(),
             robots: BTreeMap::new(),
             newest: Newest::default(),
@@ -68,51 +68,51 @@ impl Desk {
         };
         for robot in hub.fleet.robots().keys() {
             create_folder(&hub.captures(robot))?;
-            desk.robots.insert(robot.clone(), Seat::default());
-            match fs::read(desk.map_file(robot)) {
+            state.robots.insert(robot.clone(), RobotEntry::default());
+            match fs::read(state.map_file(robot)) {
                 Ok(bytes) => match Grid::decode(&bytes) {
-                    Ok(grid) => drop(desk.newest.take(robot, grid)),
+                    Ok(grid) => drop(state.newest.take(robot, grid)),
                     // It comes again.
-                    Err(error) => tracing::warn!("{}: {error}", desk.map_file(robot).display()),
+                    Err(error) => tracing::warn!("{}: {error}", state.map_file(robot).display()),
                 },
                 Err(error) if error.kind() == io::ErrorKind::NotFound => {}
                 Err(error) => return Err(error),
             }
-            desk.play_what_is_left(robot, news)?;
+            state.play_what_is_left(robot, news)?;
         }
-        Ok(desk)
+        Ok(state)
     }
 
     /// Where a robot's captures are asked for.
-    pub(super) fn fetch_by(&mut self, robot: &Name, wishes: Sender<Wish>) {
-        if let Some(seat) = self.robots.get_mut(robot) {
-            seat.wishes = Some(wishes);
+    pub(super) fn fetch_by(&mut self, robot: &Name, wishes: Sender<Request>) {
+        if let Some(entry) = self.robots.get_mut(robot) {
+            entry.wishes = Some(wishes);
         }
     }
 
     /// Takes something that has happened.
-    pub(super) fn take(&mut self, news: News) -> io::Result<()> {
+    pub(super) fn take(&mut self, news: Update) -> io::Result<()> {
         match news {
-            News::Alive(robot, is_there) => {
+            Update::Alive(robot, is_there) => {
                 tracing::info!("{robot}: {}", if is_there { "is there" } else { "is gone" });
-                self.seat(&robot, |seat| seat.status.online = is_there);
+                self.entry(&robot, |entry| entry.status.online = is_there);
                 self.is_changed = true;
             }
-            News::Status(robot, status) => self.status(&robot, &status),
-            News::Heard(robot, session, put, seq) => return self.heard(&robot, session, put, seq),
-            News::Fetched(robot, session, bytes) => self.seat(&robot, |seat| {
-                if seat.status.session == Some(session) {
-                    seat.status.fetched_bytes = bytes;
+            Update::Status(robot, status) => self.status(&robot, &status),
+            Update::Heard(robot, session, put, seq) => return self.heard(&robot, session, put, seq),
+            Update::Fetched(robot, session, bytes) => self.entry(&robot, |entry| {
+                if entry.status.session == Some(session) {
+                    entry.status.fetched_bytes = bytes;
                 }
             }),
-            News::Map(robot, grid) => {
+            Update::Map(robot, grid) => {
                 if self.hub.fleet.robots().contains_key(&robot) && self.newest.take(&robot, grid) {
                     self.unsaved.insert(robot);
                     self.has_new_map = true;
                 }
             }
-            News::Played(robot, played) => return self.played(&robot, *played),
-            News::Trouble(robot, words) => tracing::warn!("{robot}: {words}"),
+            Update::Played(robot, played) => return self.played(&robot, *played),
+            Update::Trouble(robot, words) => tracing::warn!("{robot}: {words}"),
         }
         Ok(())
     }
@@ -152,9 +152,9 @@ impl Desk {
     }
 
     fn status(&mut self, robot: &Name, status: &Status) {
-        if status.captures.len() > MOST_SESSIONS {
+        if status.captures.len() > MAX_SESSIONS {
             return tracing::warn!(
-                "{robot}: offers {} captures, and {MOST_SESSIONS} are looked at",
+                "{robot}: offers {} captures, and {MAX_SESSIONS} are looked at",
                 status.captures.len()
             );
         }
@@ -164,11 +164,11 @@ impl Desk {
             && last.is_some_and(|last| {
                 known.is_none_or(|known| known < (last.session, status.map_seq.saturating_sub(AHEAD)))
             });
-        self.seat(robot, |seat| {
-            seat.status.offered(status);
-            if let Some(wishes) = &seat.wishes {
+        self.entry(robot, |entry| {
+            entry.status.offered(status);
+            if let Some(wishes) = &entry.wishes {
                 // The thread ends only with the hub.
-                let _ = wishes.send(Wish { captures: status.captures.clone(), map });
+                let _ = wishes.send(Request { captures: status.captures.clone(), map });
             }
         });
         self.is_changed = true;
@@ -176,14 +176,14 @@ impl Desk {
 
     fn heard(&mut self, robot: &Name, session: SessionId, put: Put, seq: u64) -> io::Result<()> {
         let path = Files::new(&self.hub.captures(robot), session).heard();
-        let Some(seat) = self.robots.get_mut(robot) else { return Ok(()) };
-        if !seat.heard.contains_key(&session) {
-            if seat.heard.len() >= MOST_SESSIONS {
+        let Some(entry) = self.robots.get_mut(robot) else { return Ok(()) };
+        if !entry.heard.contains_key(&session) {
+            if entry.heard.len() >= MAX_SESSIONS {
                 return Ok(());
             }
-            seat.heard.insert(session, Heard::open(&path)?);
+            entry.heard.insert(session, Heard::open(&path)?);
         }
-        seat.heard.get_mut(&session).map_or(Ok(()), |heard| heard.note(put, seq))
+        entry.heard.get_mut(&session).map_or(Ok(()), |heard| heard.note(put, seq))
     }
 
     /// A drive is whole: every pose of it is written, and what was lost on the way is counted. The summary is the last file.
@@ -211,20 +211,20 @@ impl Desk {
         write_file(&folder, &poses, played.poses_csv.as_bytes()).map_err(io::Error::other)?;
         write_file(&folder, &last, &summary.to_json()).map_err(io::Error::other)?;
         tracing::info!("{summary}");
-        self.seat(robot, |seat| seat.status.whole_captures += 1);
+        self.entry(robot, |entry| entry.status.whole_captures += 1);
         self.is_changed = true;
         Ok(())
     }
 
     /// Captures that were whole when the hub was killed, and of which it had not seen the end.
-    fn play_what_is_left(&mut self, robot: &Name, news: &Sender<News>) -> io::Result<()> {
+    fn play_what_is_left(&mut self, robot: &Name, news: &Sender<Update>) -> io::Result<()> {
         let folder = self.hub.captures(robot);
         for entry in fs::read_dir(&folder)? {
             let name = entry?.file_name();
             let session = name.to_str().and_then(|name| name.strip_suffix(".mcap")?.parse().ok());
             let Some(files) = session.map(|session| Files::new(&folder, session)) else { continue };
             if files.is_done() {
-                self.seat(robot, |seat| seat.status.whole_captures += 1);
+                self.entry(robot, |entry| entry.status.whole_captures += 1);
             } else {
                 Replica::begin(robot, &files, news).end();
             }
@@ -243,9 +243,9 @@ impl Desk {
     }
 
     fn site_status(&self) -> SiteStatus {
-        let robots = self.robots.iter().map(|(robot, seat)| {
+        let robots = self.robots.iter().map(|(robot, entry)| {
             let place = self.places.get(robot).unwrap_or(&Place::NoMap);
-            (robot.clone(), RobotStatus { place: place.to_string(), ..seat.status.clone() })
+            (robot.clone(), RobotStatus { place: place.to_string(), ..entry.status.clone() })
         });
         SiteStatus { merged_sha256: self.merged_sha256.clone(), robots: robots.collect() }
     }
@@ -254,9 +254,9 @@ impl Desk {
         self.hub.folder.join("maps").join(format!("{robot}.map"))
     }
 
-    fn seat(&mut self, robot: &Name, change: impl FnOnce(&mut Seat)) {
-        if let Some(seat) = self.robots.get_mut(robot) {
-            change(seat);
+    fn entry(&mut self, robot: &Name, change: impl FnOnce(&mut RobotEntry)) {
+        if let Some(entry) = self.robots.get_mut(robot) {
+            change(entry);
         }
     }
 }

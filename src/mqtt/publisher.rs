@@ -3,9 +3,9 @@
 use super::broker::Broker;
 use super::bulletin::Bulletin;
 use super::discovery::discovery;
-use super::moment::moment;
 use super::names::Names;
 use super::password::Password;
+use super::snapshot::snapshot;
 use crate::api::{Mailbox, Snapshot, Tap};
 use crate::event::SensorState;
 use crate::mapping::raster::Raster;
@@ -40,7 +40,7 @@ pub struct Post {
     thread: Option<JoinHandle<()>>,
 }
 
-/// From one moment to the next.
+/// From one snapshot to the next.
 const EVERY: Duration = Duration::from_secs(1);
 /// From one picture of the map to the next, in moments: drawing it takes a small board a while.
 const MAP_EVERY: u32 = 10;
@@ -79,7 +79,7 @@ impl Post {
                 let connection = Rc::new(Connection::default());
                 LocalSet::new().block_on(&runtime, async move {
                     let carrier = spawn_local(carry(events, broker, Rc::clone(&connection)));
-                    Postman::new(names, client, Rc::clone(&connection)).work(&mailbox, is_over).await;
+                    MqttPublisher::new(names, client, Rc::clone(&connection)).work(&mailbox, is_over).await;
                     if connection.is_up.get() {
                         let _ = timeout(LAST_WORDS, carrier).await;
                     }
@@ -167,7 +167,7 @@ fn explained(error: &ConnectionError) -> String {
 }
 
 /// Writes the messages.
-struct Postman {
+struct MqttPublisher {
     names: Names,
     client: AsyncClient,
     connection: Rc<Connection>,
@@ -177,7 +177,7 @@ struct Postman {
     until_map: u32,
 }
 
-impl Postman {
+impl MqttPublisher {
     fn new(names: Names, client: AsyncClient, connection: Rc<Connection>) -> Self {
         Self { names, client, connection, bulletin: Bulletin::default(), sketch: Sketch::default(), until_map: 0 }
     }
@@ -226,7 +226,7 @@ impl Postman {
             self.publish_at(topic, payload.into());
         }
         self.publish("availability", "online".into());
-        for (topic, payload) in moment(&self.names, snapshot) {
+        for (topic, payload) in snapshot(&self.names, snapshot) {
             self.publish_at(topic, payload.into());
         }
         if let Some(raster) = map.filter(|raster| !raster.occupancy.is_empty()) {

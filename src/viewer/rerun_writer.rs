@@ -1,9 +1,9 @@
-//! News → Rerun. All of it happens on the sink's own thread: times are thread-local, and logging may block.
+//! Update → Rerun. All of it happens on the sink's own thread: times are thread-local, and logging may block.
 
 use super::known::Known;
 use super::layout::{self, Eye};
-use super::mailbox::{Inbox, Line, NewMap, News};
-use super::moment::Moment;
+use super::mailbox::{Inbox, Line, NewMap, Update};
+use super::snapshot::Snapshot;
 use super::{shapes, style};
 use crate::event::SensorState;
 use crate::time::Timestamp;
@@ -11,7 +11,7 @@ use rerun::{RecordingStream, RecordingStreamResult, Scalars, StateChange, TextLo
 use std::sync::Arc;
 
 /// Draws what it hears of, where there is somewhere to draw; remembers it in any case.
-pub(super) struct Artist {
+pub(super) struct RerunWriter {
     known: Known,
     rec: Option<RecordingStream>,
     /// Microseconds from 1970 to the session's time zero, where known.
@@ -27,8 +27,8 @@ const SLOW_PERIOD_S: f64 = 1.0;
 /// Everything that has not changed is drawn again after so long, seconds: a server forgets what is old.
 const EVERYTHING_PERIOD_S: f64 = 30.0;
 
-impl Artist {
-    /// An artist without a canvas.
+impl RerunWriter {
+    /// An writer without a canvas.
     #[must_use]
     pub(super) fn new(unix_zero_us: Option<u64>) -> Self {
         Self { known: Known::default(), rec: None, unix_zero_us, slow: None, has_new_map: false, everything: None }
@@ -76,15 +76,15 @@ impl Artist {
     ///
     /// # Errors
     /// As Rerun.
-    pub(super) fn take(&mut self, news: &News, inbox: &Inbox) -> RecordingStreamResult<()> {
+    pub(super) fn take(&mut self, news: &Update, inbox: &Inbox) -> RecordingStreamResult<()> {
         match news {
-            News::Moment(moment) => self.moment(moment, inbox),
-            News::Truth(at, pose) => {
+            Update::Snapshot(snapshot) => self.snapshot(snapshot, inbox),
+            Update::Truth(at, pose) => {
                 self.known.truth(*at, *pose);
                 Ok(())
             }
-            News::Line(line) => self.line(line),
-            News::Map(map) => {
+            Update::Line(line) => self.line(line),
+            Update::Map(map) => {
                 self.has_new_map |= self.known.chart.update(NewMap::clone(map));
                 Ok(())
             }
@@ -103,21 +103,21 @@ impl Artist {
         rec.log(style::LOG, &TextLog::new(line.text.clone()).with_level(line.level))
     }
 
-    fn moment(&mut self, moment: &Arc<Moment>, inbox: &Inbox) -> RecordingStreamResult<()> {
+    fn snapshot(&mut self, snapshot: &Arc<Snapshot>, inbox: &Inbox) -> RecordingStreamResult<()> {
         let was_lost = self.known.is_lost;
-        self.known.take(moment);
-        self.set_time(moment);
+        self.known.take(snapshot);
+        self.set_time(snapshot);
         if self.known.is_lost != was_lost {
             self.draw_hold()?;
         }
-        self.draw_ring(moment)?;
-        self.draw_sweep(moment)?;
+        self.draw_ring(snapshot)?;
+        self.draw_sweep(snapshot)?;
         let is_due =
-            |last: Option<Timestamp>, period_s| last.is_none_or(|last| moment.at.seconds_since(last) >= period_s);
-        if moment.beams.is_empty() || !is_due(self.slow, SLOW_PERIOD_S) {
+            |last: Option<Timestamp>, period_s| last.is_none_or(|last| snapshot.at.seconds_since(last) >= period_s);
+        if snapshot.beams.is_empty() || !is_due(self.slow, SLOW_PERIOD_S) {
             return Ok(());
         }
-        self.slow = Some(moment.at);
+        self.slow = Some(snapshot.at);
         let has_new_map = self.known.chart.update(inbox.take_map()) | std::mem::take(&mut self.has_new_map);
         if is_due(self.everything, EVERYTHING_PERIOD_S) {
             return self.draw_known();
@@ -128,12 +128,12 @@ impl Artist {
         self.draw_slow(has_new_map)
     }
 
-    fn set_time(&self, moment: &Moment) {
+    fn set_time(&self, snapshot: &Snapshot) {
         let Some(rec) = &self.rec else { return };
-        rec.set_time_sequence("sweep", i64::try_from(moment.sweep).unwrap_or(i64::MAX));
-        rec.set_duration_secs("robot_time", moment.at.seconds());
+        rec.set_time_sequence("sweep", i64::try_from(snapshot.sweep).unwrap_or(i64::MAX));
+        rec.set_duration_secs("robot_time", snapshot.at.seconds());
         if let Some(zero_us) = self.unix_zero_us {
-            let us = zero_us.saturating_add(moment.at.us());
+            let us = zero_us.saturating_add(snapshot.at.us());
             rec.set_timestamp_nanos_since_epoch(
                 "host_time",
                 i64::try_from(us).unwrap_or(i64::MAX).saturating_mul(1_000),
@@ -142,16 +142,16 @@ impl Artist {
     }
 
     /// A ring that is new, and sensors whose state is.
-    fn draw_ring(&mut self, moment: &Moment) -> RecordingStreamResult<()> {
+    fn draw_ring(&mut self, snapshot: &Snapshot) -> RecordingStreamResult<()> {
         let known = &mut self.known;
-        if !Arc::ptr_eq(&known.ring, &moment.ring) {
-            known.ring = Arc::clone(&moment.ring);
+        if !Arc::ptr_eq(&known.ring, &snapshot.ring) {
+            known.ring = Arc::clone(&snapshot.ring);
             if let Some(rec) = &self.rec {
                 style::log_ring(rec, &known.ring)?;
             }
         }
-        known.sensors.resize(moment.beams.len().max(known.sensors.len()), (SensorState::Healthy, false));
-        for (sensor, (beam, (state, is_shown))) in moment.beams.iter().zip(&mut known.sensors).enumerate() {
+        known.sensors.resize(snapshot.beams.len().max(known.sensors.len()), (SensorState::Healthy, false));
+        for (sensor, (beam, (state, is_shown))) in snapshot.beams.iter().zip(&mut known.sensors).enumerate() {
             if beam.state != *state {
                 *state = beam.state;
                 if let Some(rec) = &self.rec {
@@ -166,9 +166,9 @@ impl Artist {
     }
 
     /// What is new with each sweep.
-    fn draw_sweep(&self, moment: &Moment) -> RecordingStreamResult<()> {
+    fn draw_sweep(&self, snapshot: &Snapshot) -> RecordingStreamResult<()> {
         let Some(rec) = &self.rec else { return Ok(()) };
-        if let Some(estimate) = &moment.estimate {
+        if let Some(estimate) = &snapshot.estimate {
             rec.log(style::ODOM, &shapes::transform(estimate.pose * estimate.odometry.inverse()))?;
             rec.log(style::BASE_LINK, &shapes::transform(estimate.odometry))?;
             rec.log(style::ELLIPSE, &shapes::ellipse(estimate.pose, &estimate.covariance))?;
@@ -177,17 +177,17 @@ impl Artist {
                 rec.log(style::NIS, &Scalars::single(estimate.nis))?;
             }
         }
-        if moment.segments.is_some() {
+        if snapshot.segments.is_some() {
             self.draw_walls()?;
         }
-        if moment.beams.is_empty() {
+        if snapshot.beams.is_empty() {
             return Ok(());
         }
-        rec.log(style::CONES, &shapes::cones(&moment.beams))?;
-        rec.log(style::ECHOES, &shapes::echoes(&moment.beams))?;
-        rec.log(style::SCORES, &Scalars::new(moment.beams.iter().map(|beam| f64::from(beam.score))))?;
-        rec.log(style::RESIDUALS, &Scalars::new(moment.beams.iter().map(|beam| f64::from(beam.residual_m))))?;
-        rec.log(style::DELAYS, &Scalars::new([moment.latency, moment.took].map(|delay| 1e3 * delay.as_secs_f64())))
+        rec.log(style::CONES, &shapes::cones(&snapshot.beams))?;
+        rec.log(style::ECHOES, &shapes::echoes(&snapshot.beams))?;
+        rec.log(style::SCORES, &Scalars::new(snapshot.beams.iter().map(|beam| f64::from(beam.score))))?;
+        rec.log(style::RESIDUALS, &Scalars::new(snapshot.beams.iter().map(|beam| f64::from(beam.residual_m))))?;
+        rec.log(style::DELAYS, &Scalars::new([snapshot.latency, snapshot.took].map(|delay| 1e3 * delay.as_secs_f64())))
     }
 
     fn draw_slow(&mut self, has_new_map: bool) -> RecordingStreamResult<()> {

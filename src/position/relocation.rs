@@ -1,25 +1,29 @@
 //! What a tracker does when its place is in doubt.
 
-use super::lock::LockWatch;
-use super::relock::KnownWall;
-use super::tracker::{Tracker, WELL_KNOWN, Wall};
+use super::ekf_slam::{EkfSlam, WELL_KNOWN, WallLandmark};
+use super::localization_monitor::LocalizationMonitor;
+use super::relocalize::KnownWall;
 use crate::geometry::Pose2;
 
 /// What a place found anew is worth.
-const RELOCK_SIGMA_M: f64 = 0.05;
-const RELOCK_SIGMA_RAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
+const RELOCALIZED_SIGMA_M: f64 = 0.05;
+const RELOCALIZED_SIGMA_RAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
 
-impl Tracker {
+impl EkfSlam {
     /// Whether what is heard agrees with the walls.
     #[must_use]
-    pub fn watch(&self) -> &LockWatch {
+    pub fn watch(&self) -> &LocalizationMonitor {
         &self.watch
     }
 
     /// Every well-known wall that was learnt before the sweep `until`, or by an earlier run.
     pub fn known_walls(&self, until: u64) -> impl Iterator<Item = KnownWall> {
-        let known =
-            move |wall: &Wall, offset_m| KnownWall { side: wall.side, offset_m, lo_m: wall.lo_m, hi_m: wall.hi_m };
+        let known = move |wall: &WallLandmark, offset_m| KnownWall {
+            side: wall.side,
+            offset_m,
+            lo_m: wall.lo_m,
+            hi_m: wall.hi_m,
+        };
         self.every_wall()
             .filter(move |(wall, ..)| wall.hits >= WELL_KNOWN && !wall.is_since(until))
             .map(move |(wall, offset_m, _)| known(wall, offset_m))
@@ -33,18 +37,18 @@ impl Tracker {
                 self.filter.remove(wall);
             }
         }
-        self.nursery.clear();
-        self.uses.clear();
-        self.filter.relocate(pose, RELOCK_SIGMA_M, RELOCK_SIGMA_RAD);
+        self.initializer.clear();
+        self.associations.clear();
+        self.filter.relocate(pose, RELOCALIZED_SIGMA_M, RELOCALIZED_SIGMA_RAD);
     }
 
     /// Forgets what contradicted the map.
     pub fn trust_anew(&mut self) {
-        self.watch = LockWatch::default();
+        self.watch = LocalizationMonitor::default();
     }
 }
 
-impl Wall {
+impl WallLandmark {
     /// True where this run has learnt it from this sweep on.
     fn is_since(&self, sweep: u64) -> bool {
         self.first_sweep.is_some_and(|first| first >= sweep)

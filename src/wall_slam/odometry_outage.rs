@@ -5,14 +5,14 @@
 //! were lost, since it may be off by what it slipped meanwhile. With a dead one its motion is unknown: it stays where it was seen last, draws and learns
 //! nothing, and is the less certain the farther the other wheel rolls.
 
-use super::beginning::Beginning;
-use super::lost::Lost;
-use super::{AXIS_SIGMA_RAD, Walls};
+use super::initializer::Initializer;
+use super::relocalizer::Relocalizer;
+use super::{AXIS_SIGMA_RAD, WallSlam};
 use crate::event::{EncoderState, Estimate, Event, LockChange, LockEvent, Wheel};
 use crate::fault::encoder::EncoderChange;
 use crate::geometry::Pose2;
 use crate::mapping::grid::OccupancyGrid;
-use crate::orientation::axis::AxisFinder;
+use crate::orientation::dominant_directions::DominantDirections;
 use crate::sweep::Sweep;
 use crate::time::Timestamp;
 use nalgebra::{Matrix3, Vector3};
@@ -36,7 +36,7 @@ pub(super) struct Step {
 
 /// A robot of which one wheel does not count.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Blind {
+pub(super) struct OdometryOutage {
     since: Timestamp,
     since_sweep: u64,
     /// Where it was seen last; none where it had not found the building's axis.
@@ -96,7 +96,7 @@ impl Trail {
     }
 }
 
-impl Walls {
+impl WallSlam {
     /// Which encoders' counts are to be taken with the sign turned over, left and right.
     #[must_use]
     pub fn reversed_encoders(&self) -> [bool; 2] {
@@ -122,7 +122,7 @@ impl Walls {
         let is_dead = change.state == EncoderState::Dead;
         if !is_begun || is_void {
             self.begin_anew();
-            self.blind = is_dead.then_some(Blind { since: sweep.at, since_sweep, pose: None, way_m: 0.0 });
+            self.blind = is_dead.then_some(OdometryOutage { since: sweep.at, since_sweep, pose: None, way_m: 0.0 });
             return;
         }
         let wheel = usize::from(change.wheel == Wheel::Right);
@@ -151,14 +151,14 @@ impl Walls {
         tracker.trust_anew();
         self.trail.clear();
         if is_dead {
-            self.blind = Some(Blind { since, since_sweep, pose: Some(pose), way_m });
+            self.blind = Some(OdometryOutage { since, since_sweep, pose: Some(pose), way_m });
         } else {
-            self.lost = Some(Lost::new(since, since_sweep, pose, sweep.odometry).after_reversal());
+            self.lost = Some(Relocalizer::new(since, since_sweep, pose, sweep.odometry).after_reversal());
         }
     }
 
     /// One sweep of a robot whose motion is unknown.
-    pub(super) fn go_blind(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
+    pub(super) fn hold_pose(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
         let Some(blind) = &mut self.blind else { return };
         blind.way_m += sweep.left_m.abs().max(sweep.right_m.abs());
         if let Some(pose) = blind.pose {
@@ -177,15 +177,15 @@ impl Walls {
 
     /// The dead encoder counts again: the robot is sought around where it was seen last, for as long as it takes.
     fn see_again(&mut self, sweep: &Sweep) {
-        let Some(Blind { since, since_sweep, pose: Some(pose), way_m }) = self.blind.take() else { return };
-        let lost = Lost::new(since, since_sweep, pose, sweep.odometry);
+        let Some(OdometryOutage { since, since_sweep, pose: Some(pose), way_m }) = self.blind.take() else { return };
+        let lost = Relocalizer::new(since, since_sweep, pose, sweep.odometry);
         self.lost = Some(lost.after_blindness(way_m));
     }
 
     /// Nothing that was heard so far is worth anything.
     fn begin_anew(&mut self) {
         (self.tracker, self.lost, self.begun_sweep) = (None, None, None);
-        (self.beginning, self.axis) = (Beginning::new(), AxisFinder::default());
+        (self.initializer, self.axis) = (Initializer::new(), DominantDirections::default());
         self.grid = OccupancyGrid::new(self.grid.cell_m());
         self.waiting.clear();
         self.trail.clear();

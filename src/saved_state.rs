@@ -13,37 +13,37 @@ use serde::{Deserialize, Serialize};
 
 /// Everything that the walls method remembers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Memory {
+pub struct SavedState {
     /// Pose, wheels and the walls near the robot.
-    pub filter: FilterMemory,
+    pub filter: FilterState,
     /// The walls in the filter, in its order.
-    pub walls: Vec<WallMemory>,
+    pub walls: Vec<LandmarkState>,
     /// The walls out of the filter's sight.
-    pub parked: Vec<ParkedMemory>,
+    pub inactive: Vec<InactiveLandmarkState>,
     /// The map.
-    pub map: MapMemory,
+    pub map: MapState,
     /// Each sensor's state, by id.
-    pub sensors: Vec<SensorMemory>,
+    pub sensors: Vec<SensorHistory>,
 }
 
-impl Memory {
+impl SavedState {
     /// The remembered faults of a ring of `sensors`, told again.
     pub fn faults(&self, at: Timestamp, sensors: usize) -> impl Iterator<Item = Event> {
-        self.sensors.iter().take(sensors).enumerate().filter_map(
-            move |(sensor, SensorMemory { state, .. })| match state {
+        self.sensors.iter().take(sensors).enumerate().filter_map(move |(sensor, SensorHistory { state, .. })| {
+            match state {
                 SensorState::Healthy => None,
                 SensorState::Faulty(kind) => {
                     let reason = format!("sensor {sensor} was {} when the session was saved", kind.word());
                     Some(Event::Fault(FaultEvent { at, sensor, state: *state, reason }))
                 }
-            },
-        )
+            }
+        })
     }
 }
 
 /// The filter's state x and covariance P.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FilterMemory {
+pub struct FilterState {
     /// The robot's part of x: x, y (m), theta (rad), relative errors of the nominal wheel ratio and wheel base.
     pub robot: Vec<f64>,
     /// The walls' part of x: offsets, metres.
@@ -56,7 +56,7 @@ pub struct FilterMemory {
 
 /// A wall.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct WallMemory {
+pub struct LandmarkState {
     /// The side it is seen from: 0 for +x, then +y, −x, −y.
     pub side: u8,
     /// Where along it it has been seen, metres.
@@ -69,9 +69,9 @@ pub struct WallMemory {
 
 /// A wall out of the filter's sight.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct ParkedMemory {
+pub struct InactiveLandmarkState {
     /// The wall.
-    pub wall: WallMemory,
+    pub wall: LandmarkState,
     /// Its offset, metres.
     pub offset_m: f64,
     /// The offset's variance, m².
@@ -80,16 +80,16 @@ pub struct ParkedMemory {
 
 /// The occupancy grid.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct MapMemory {
+pub struct MapState {
     /// Side of a cell, metres.
     pub cell_m: f64,
     /// The tiles in the order of their places.
-    pub tiles: Vec<TileMemory>,
+    pub tiles: Vec<TileState>,
 }
 
 /// One tile of the grid.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct TileMemory {
+pub struct TileState {
     /// Its place in tiles from the origin.
     pub column: i32,
     /// The same along y.
@@ -97,19 +97,19 @@ pub struct TileMemory {
     /// Log-odds in hundredths, row by row.
     pub log_odds: Vec<i16>,
     /// Per row two sets of 32 bits, bit i for column i: a wall there faces along x, along y.
-    pub facing: Vec<[u32; 2]>,
+    pub normal: Vec<[u32; 2]>,
 }
 
 /// One sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct SensorMemory {
+pub struct SensorHistory {
     /// Its state.
     pub state: SensorState,
     /// How often it was found faulty, less what good conduct has undone: the more, the slower it is trusted again.
-    pub relapses: f64,
+    pub recurrences: f64,
 }
 
 /// A part of a memory that cannot be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
-pub struct Impossible(pub &'static str);
+pub struct InvalidState(pub &'static str);

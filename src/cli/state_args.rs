@@ -2,8 +2,8 @@
 
 use super::{Failure, Kind};
 use crate::config::{Config, Method};
-use crate::memory::Memory;
 use crate::pipeline::Start;
+use crate::saved_state::SavedState;
 use crate::session_file::{self, FileError, Saver};
 use crate::source::session::Session;
 use clap::Args;
@@ -11,7 +11,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, Default, Args)]
-pub(super) struct KeptArgs {
+pub(super) struct StateArgs {
     /// Go on with the map, walls, wheels and sensors of this session; the robot stands where it stood.
     #[arg(long, value_name = "FILE", conflicts_with = "localize")]
     resume: Option<PathBuf>,
@@ -29,7 +29,7 @@ pub(super) struct KeptArgs {
     save_calibration: Option<PathBuf>,
 }
 
-impl KeptArgs {
+impl StateArgs {
     /// True where anything is to be taken from, or left for, another run.
     pub(super) fn is_any(&self) -> bool {
         let paths = [&self.resume, &self.localize, &self.save_session, &self.session, &self.save_calibration];
@@ -42,7 +42,7 @@ impl KeptArgs {
         if config.method == Method::Paper && keeps {
             return Err(Failure::new(Kind::Usage, "the paper's method learns nothing that could be saved"));
         }
-        let load = |path: &Path| -> Result<Box<Memory>, Failure> { Ok(Box::new(session_file::read(path)?)) };
+        let load = |path: &Path| -> Result<Box<SavedState>, Failure> { Ok(Box::new(session_file::read(path)?)) };
         let (start, path) = match (self.resumed()?, &self.localize) {
             (Some(path), _) => (Start::Resume(load(path)?), path),
             (None, Some(path)) => (Start::Localize(load(path)?), path),
@@ -77,7 +77,7 @@ impl KeptArgs {
 
     /// Saves, at the end, whatever is wanted: one failure does not keep the other file from being written.
     pub(super) fn save(&self, saver: Option<Saver>, session: &Session) -> Result<(), Failure> {
-        let saved = saver.map_or(Ok(()), |saver| saver.finish(session.memory()));
+        let saved = saver.map_or(Ok(()), |saver| saver.finish(session.saved_state()));
         if let (Some(path), Some(config)) = (&self.save_calibration, session.calibrated()) {
             write_robot(path, &config, "slamd --save-calibration")?;
         }

@@ -1,20 +1,20 @@
 //! What a person may want to see of the walls method beside its results.
 
-use super::Walls;
+use super::WallSlam;
 use crate::event::Verdict;
 use crate::geometry::Segment;
 use crate::mapping::grid::OccupancyGrid;
-use crate::position::tracker::Use;
+use crate::position::ekf_slam::Association;
 
-impl Walls {
+impl WallSlam {
     /// What became of a sensor's beam in the last sweep.
     #[must_use]
     pub fn verdict(&self, sensor: usize) -> Verdict {
-        match self.uses().get(sensor) {
+        match self.associations().get(sensor) {
             _ if !self.detector.is_trusted(sensor) => Verdict::Ignored,
-            Some(Use::Wall(_)) => Verdict::Used,
-            Some(Use::Unexplained) => Verdict::Unexplained,
-            Some(Use::Unused) | None => Verdict::Silent,
+            Some(Association::Wall(_)) => Verdict::Used,
+            Some(Association::Unexplained) => Verdict::Unexplained,
+            Some(Association::Unused) | None => Verdict::Silent,
         }
     }
 

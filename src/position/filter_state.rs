@@ -2,12 +2,12 @@
 
 use super::filter::{Filter, MAX_WALLS, ROBOT, Robot};
 use crate::geometry::Pose2;
-use crate::memory::{FilterMemory, Impossible};
+use crate::saved_state::{FilterState, InvalidState};
 
 impl Filter {
     /// State and covariance as plain numbers.
     #[must_use]
-    pub fn memory(&self) -> FilterMemory {
+    pub fn saved_state(&self) -> FilterState {
         let walls = self.walls();
         let mut covariance = Vec::with_capacity((ROBOT + walls) * (ROBOT + walls + 1) / 2);
         for row in 0..ROBOT {
@@ -17,7 +17,7 @@ impl Filter {
             covariance.extend(self.cross[row].iter());
             covariance.extend_from_slice(self.wall_cov.row(row));
         }
-        FilterMemory {
+        FilterState {
             robot: self.robot.iter().copied().collect(),
             offsets_m: self.offsets.clone(),
             covariance,
@@ -29,16 +29,16 @@ impl Filter {
     ///
     /// # Errors
     /// Where the numbers do not fit together or are none.
-    pub fn restore(memory: &FilterMemory) -> Result<Self, Impossible> {
+    pub fn restore(memory: &FilterState) -> Result<Self, InvalidState> {
         let (walls, entries) = (memory.offsets_m.len(), memory.covariance.len());
         if memory.robot.len() != ROBOT || walls > MAX_WALLS || entries != (ROBOT + walls) * (ROBOT + walls + 1) / 2 {
-            return Err(Impossible("the filter's state and covariance are not of one size"));
+            return Err(InvalidState("the filter's state and covariance are not of one size"));
         }
         let wheels = memory.nominal;
         let mut numbers = memory.robot.iter().chain(&memory.offsets_m).chain(&memory.covariance);
         let are_sizes = wheels.wheel_ratio > 0.0 && wheels.wheel_base_m > 0.0;
         if !(numbers.all(|number| number.abs() < 1e9) && are_sizes) {
-            return Err(Impossible("the filter's state is not made of usable numbers"));
+            return Err(InvalidState("the filter's state is not made of usable numbers"));
         }
         let mut filter = Self::new(Pose2::default(), 0.0, memory.nominal);
         filter.robot.copy_from_slice(&memory.robot);
@@ -57,7 +57,7 @@ impl Filter {
         }
         let variances = (0..ROBOT).map(|i| filter.robot_cov[(i, i)]).chain((0..walls).map(|i| filter.wall_variance(i)));
         if variances.into_iter().any(|variance| variance < 0.0) {
-            return Err(Impossible("a variance of the filter is negative"));
+            return Err(InvalidState("a variance of the filter is negative"));
         }
         Ok(filter)
     }

@@ -10,54 +10,54 @@
 //! The map frame has its origin where the robot started and its axes along the building's walls. Poses of the sweeps before the axis
 //! was found follow within a second when it is.
 
-mod beginning;
-mod encoders;
-mod expect;
-mod insight;
-mod lost;
+mod expected_range;
+mod initializer;
+mod introspection;
+mod odometry_outage;
+mod relocalizer;
 
 use crate::config::Config;
 use crate::event::{Calibration, Estimate, Event, LockChange, LockEvent, SensorState};
 use crate::fault::detector::Detector;
 use crate::fault::encoder::EncoderWatch;
 use crate::geometry::{Placement, Point, Pose2, Ring, wrap_angle};
-use crate::mapping::cone::{self, Target};
-use crate::mapping::grid::{Facing, OccupancyGrid};
+use crate::mapping::cone::{self, ReturnKind};
+use crate::mapping::grid::{OccupancyGrid, WallNormal};
 use crate::mapping::raster::Raster;
-use crate::memory::{Impossible, Memory};
-use crate::orientation::axis::AxisFinder;
-use crate::position::beam_model::sight;
-use crate::position::tracker::{Tracker, Use, Wall};
+use crate::orientation::dominant_directions::DominantDirections;
+use crate::position::beam_model::observe_wall;
+use crate::position::ekf_slam::{Association, EkfSlam, WallLandmark};
+use crate::saved_state::{InvalidState, SavedState};
 use crate::sweep::{Beam, Sweep};
 use crate::time::Timestamp;
-use beginning::{Beginning, Begun};
-use encoders::{Blind, Trail, unknown_within};
-use lost::Lost;
+use initializer::{Initialized, Initializer};
+use odometry_outage::{OdometryOutage, Trail, unknown_within};
+use relocalizer::Relocalizer;
 use std::collections::VecDeque;
 
 /// The walls method at work.
 #[derive(Debug)]
-pub struct Walls {
+pub struct WallSlam {
     max_range_m: f64,
     wheels: Calibration,
     detector: Detector,
     encoders: EncoderWatch,
-    axis: AxisFinder,
+    axis: DominantDirections,
     axis_sweeps: usize,
-    beginning: Beginning,
+    initializer: Initializer,
     /// The first sweeps that are still to be used.
     waiting: VecDeque<Sweep>,
     /// The first sweep of a building that this run has begun.
     begun_sweep: Option<u64>,
     trail: Trail,
     /// Set while a wheel does not count.
-    blind: Option<Blind>,
-    tracker: Option<Tracker>,
+    blind: Option<OdometryOutage>,
+    tracker: Option<EkfSlam>,
     grid: OccupancyGrid,
     /// Whether the ring has beams enough to tell clutter from another place.
     can_tell: bool,
-    lost: Option<Lost>,
-    search: AxisFinder,
+    lost: Option<Relocalizer>,
+    search: DominantDirections,
     /// When what was heard last agreed with the walls.
     sure: (u64, Timestamp),
 }
@@ -67,7 +67,7 @@ const RESUME_SIGMA_M: f64 = 0.1;
 /// What an axis says of the heading: its standard deviation.
 const AXIS_SIGMA_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
 /// Fewer sensors raise false alarms: of 8, one drive in three.
-const LEAST_SENSORS: usize = 12;
+const MIN_SENSORS: usize = 12;
 /// A place found this near is the one that was believed.
 const HERE_M: f64 = 0.25;
 const HERE_RAD: f64 = 0.15;
@@ -85,7 +85,7 @@ const CLEARING_SWEEPS: u64 = 8;
 const ON_LINE_M: f64 = 0.06;
 const EXTENDED_M: f64 = 1.0;
 
-impl Walls {
+impl WallSlam {
     /// The method for a robot and its ring.
     #[must_use]
     pub fn new(config: &Config, ring: &Ring) -> Self {
@@ -94,18 +94,18 @@ impl Walls {
             wheels: config.robot.wheels(),
             detector: Detector::new(ring, config.ring.max_range_m),
             encoders: EncoderWatch::new(ring, config.robot.wheel_base_m),
-            axis: AxisFinder::default(),
+            axis: DominantDirections::default(),
             axis_sweeps: 0,
-            beginning: Beginning::new(),
+            initializer: Initializer::new(),
             waiting: VecDeque::new(),
             begun_sweep: None,
             trail: Trail::new(),
             blind: None,
             tracker: None,
             grid: OccupancyGrid::new(config.map.cell_m),
-            can_tell: ring.len() >= LEAST_SENSORS,
+            can_tell: ring.len() >= MIN_SENSORS,
             lost: None,
-            search: AxisFinder::default(),
+            search: DominantDirections::default(),
             sure: (0, Timestamp::default()),
         }
     }
@@ -115,8 +115,8 @@ impl Walls {
     ///
     /// # Errors
     /// Where the memory holds what cannot be.
-    pub fn resume(config: &Config, ring: &Ring, memory: &Memory) -> Result<Self, Impossible> {
-        let mut tracker = Tracker::restore(memory)?;
+    pub fn resume(config: &Config, ring: &Ring, memory: &SavedState) -> Result<Self, InvalidState> {
+        let mut tracker = EkfSlam::restore(memory)?;
         tracker.filter.inflate(RESUME_SIGMA_M, AXIS_SIGMA_RAD);
         let mut detector = Detector::new(ring, config.ring.max_range_m);
         detector.restore(&memory.sensors)?;
@@ -129,14 +129,14 @@ impl Walls {
     ///
     /// # Errors
     /// Where the memory holds what cannot be.
-    pub fn localized(self, memory: &Memory, pose: Pose2, sigma_m: f64) -> Result<Self, Impossible> {
-        let mut tracker = Tracker::restore(memory)?;
+    pub fn localized(self, memory: &SavedState, pose: Pose2, sigma_m: f64) -> Result<Self, InvalidState> {
+        let mut tracker = EkfSlam::restore(memory)?;
         tracker.fix_walls();
         tracker.filter.relocate(pose, sigma_m, AXIS_SIGMA_RAD);
         Ok(Self {
             tracker: Some(tracker),
             grid: OccupancyGrid::restore(&memory.map)?,
-            axis: AxisFinder::default(),
+            axis: DominantDirections::default(),
             lost: None,
             waiting: VecDeque::new(),
             begun_sweep: None,
@@ -148,16 +148,16 @@ impl Walls {
 
     /// Everything worth remembering; none before the building's axis is found, nor while a wheel that did not count has led astray.
     #[must_use]
-    pub fn memory(&self) -> Option<Memory> {
+    pub fn saved_state(&self) -> Option<SavedState> {
         let is_astray = self.blind.is_some() || self.lost.as_ref().is_some_and(|lost| lost.blind_m.is_some());
         let tracker = self.tracker.as_ref().filter(|_| !is_astray)?;
-        let (walls, parked) = tracker.wall_memory();
-        Some(Memory {
-            filter: tracker.filter.memory(),
+        let (walls, inactive) = tracker.landmark_states();
+        Some(SavedState {
+            filter: tracker.filter.saved_state(),
             walls,
-            parked,
-            map: self.grid.memory(),
-            sensors: self.detector.memory(),
+            inactive,
+            map: self.grid.saved_state(),
+            sensors: self.detector.saved_state(),
         })
     }
 
@@ -169,8 +169,8 @@ impl Walls {
 
     /// What became of each beam of the last sweep, by sensor.
     #[must_use]
-    pub fn uses(&self) -> &[Use] {
-        self.tracker.as_ref().map_or(&[], Tracker::uses)
+    pub fn associations(&self) -> &[Association] {
+        self.tracker.as_ref().map_or(&[], EkfSlam::associations)
     }
 
     /// Uses one sweep.
@@ -178,7 +178,7 @@ impl Walls {
         if self.blind.is_some() {
             self.detector.inspect(sweep, |_| None, events);
             self.watch_encoders(sweep, events);
-            self.go_blind(sweep, events);
+            self.hold_pose(sweep, events);
         } else if let (Some(tracker), true) = (&mut self.tracker, self.waiting.is_empty()) {
             tracker.predict(sweep.left_m, sweep.right_m);
             tracker.expect(sweep);
@@ -186,12 +186,13 @@ impl Walls {
             let place = Placement::from(tracker.filter.pose());
             let expected = |beam: &Beam| {
                 let map_from_sensor = place * beam.robot_from_sensor;
-                (!is_lost)
-                    .then(|| expect::expected(&self.grid, map_from_sensor, beam.half_angle_rad, self.max_range_m))?
+                (!is_lost).then(|| {
+                    expected_range::expected(&self.grid, map_from_sensor, beam.half_angle_rad, self.max_range_m)
+                })?
             };
             self.detector.inspect(sweep, expected, events);
             self.watch_encoders(sweep, events);
-            if self.blind.is_some() { self.go_blind(sweep, events) } else { self.follow(sweep, events) }
+            if self.blind.is_some() { self.hold_pose(sweep, events) } else { self.follow(sweep, events) }
         } else {
             self.detector.inspect(sweep, |_| None, events);
             self.watch_encoders(sweep, events);
@@ -228,7 +229,7 @@ impl Walls {
     /// Normalised innovation squared of the last sweep, per wall seen; NaN where it saw none.
     #[must_use]
     pub fn nis(&self) -> f64 {
-        self.tracker.as_ref().map_or(f64::NAN, Tracker::nis)
+        self.tracker.as_ref().map_or(f64::NAN, EkfSlam::nis)
     }
 
     /// Gathers the first sweeps until they agree on the building's axis.
@@ -236,8 +237,8 @@ impl Walls {
         if self.tracker.is_some() {
             return self.waiting.push_back(sweep.clone());
         }
-        let begun = self.beginning.add(sweep, &self.wheels, |sensor| self.detector.is_trusted(sensor));
-        if let Some(Begun { tracker, sweeps }) = begun {
+        let begun = self.initializer.add(sweep, &self.wheels, |sensor| self.detector.is_trusted(sensor));
+        if let Some(Initialized { tracker, sweeps }) = begun {
             self.tracker = Some(tracker);
             self.begun_sweep = sweeps.first().map(|first| first.index);
             self.waiting = sweeps.into();
@@ -261,11 +262,11 @@ impl Walls {
         tracker.correct(sweep, may_learn, |sensor| self.detector.is_trusted(sensor));
         self.check_heading(sweep);
         if self.lost.is_some() {
-            self.seek_place(sweep, events);
+            self.relocalize(sweep, events);
         } else {
             self.watch_lock(sweep, events);
             if may_learn {
-                self.draw(sweep);
+                self.integrate_beam(sweep);
             }
         }
         if let Some(tracker) = &self.tracker {
@@ -290,13 +291,13 @@ impl Walls {
         }
         if self.can_tell && tracker.watch().is_lost() {
             let (since_sweep, since) = self.sure;
-            self.lost = Some(Lost::new(since, since_sweep, tracker.filter.pose(), sweep.odometry));
+            self.lost = Some(Relocalizer::new(since, since_sweep, tracker.filter.pose(), sweep.odometry));
             events.push(Event::Lock(LockEvent { at: sweep.at, since, change: LockChange::Lost }));
         }
     }
 
     /// Seeks the place of a robot that may be elsewhere.
-    fn seek_place(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
+    fn relocalize(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
         let (Some(tracker), Some(lost)) = (&mut self.tracker, &mut self.lost) else { return };
         lost.add(sweep, |sensor| self.detector.is_trusted(sensor));
         let believed = tracker.filter.pose();
@@ -344,41 +345,41 @@ impl Walls {
     }
 
     /// Draws what the trusted beams heard.
-    fn draw(&mut self, sweep: &Sweep) {
+    fn integrate_beam(&mut self, sweep: &Sweep) {
         let Some(tracker) = self.tracker.as_ref().filter(|tracker| !tracker.is_fixed()) else { return };
         let place = Placement::from(tracker.filter.pose());
         self.grid.revise();
-        for (sensor, (beam, used)) in sweep.beams.iter().zip(tracker.uses()).enumerate() {
+        for (sensor, (beam, used)) in sweep.beams.iter().zip(tracker.associations()).enumerate() {
             let is_turn = (sweep.index + sensor as u64).is_multiple_of(CLEARING_SWEEPS);
-            let (range_m, target) = match used {
-                Use::Wall(_) | Use::Unexplained => match heard_wall(tracker, place, beam) {
-                    Some((point, facing)) if !is_turn => {
-                        cone::mark_wall(&mut self.grid, point, facing);
+            let (range_m, kind) = match used {
+                Association::Wall(_) | Association::Unexplained => match heard_wall(tracker, place, beam) {
+                    Some((point, normal)) if !is_turn => {
+                        cone::mark_wall(&mut self.grid, point, normal);
                         continue;
                     }
-                    Some((point, facing)) => (beam.range_m, Target::Wall(point, facing)),
-                    None => (beam.range_m, Target::Something),
+                    Some((point, normal)) => (beam.range_m, ReturnKind::Wall(point, normal)),
+                    None => (beam.range_m, ReturnKind::Something),
                 },
-                Use::Unused if is_turn && beam.is_clear() && self.detector.is_trusted(sensor) => {
-                    (self.max_range_m, Target::Nothing)
+                Association::Unused if is_turn && beam.is_clear() && self.detector.is_trusted(sensor) => {
+                    (self.max_range_m, ReturnKind::Nothing)
                 }
-                Use::Unused => continue,
+                Association::Unused => continue,
             };
-            cone::draw(&mut self.grid, place * beam.robot_from_sensor, beam.half_angle_rad, range_m, target);
+            cone::integrate_beam(&mut self.grid, place * beam.robot_from_sensor, beam.half_angle_rad, range_m, kind);
         }
     }
 }
 
 /// The point of a known wall that a return may have come from: on the wall's line, in its extent or a little beyond.
-fn heard_wall(tracker: &Tracker, place: Placement, beam: &Beam) -> Option<(Point, Facing)> {
-    let sighting = sight(place, beam)?;
-    let off_m = |(index, _): &(usize, &Wall)| (tracker.filter.offset_m(*index) - sighting.offset_m()).abs();
+fn heard_wall(tracker: &EkfSlam, place: Placement, beam: &Beam) -> Option<(Point, WallNormal)> {
+    let observation = observe_wall(place, beam)?;
+    let off_m = |(index, _): &(usize, &WallLandmark)| (tracker.filter.offset_m(*index) - observation.offset_m()).abs();
     // Heard squarely beyond its end it would be the end itself, somewhere in the cone.
-    let beyond_m = if sighting.oblique_rad > 0.0 { EXTENDED_M } else { 0.0 };
+    let beyond_m = if observation.oblique_rad > 0.0 { EXTENDED_M } else { 0.0 };
     let walls = tracker.walls().iter().enumerate().filter(|(_, wall)| {
-        wall.side == sighting.side && (wall.lo_m - beyond_m..wall.hi_m + beyond_m).contains(&sighting.along_m)
+        wall.side == observation.side && (wall.lo_m - beyond_m..wall.hi_m + beyond_m).contains(&observation.along_m)
     });
     let nearest = walls.min_by(|a, b| off_m(a).total_cmp(&off_m(b))).filter(|wall| off_m(wall) < ON_LINE_M)?;
-    let facing = if sighting.side.axis() == 0 { Facing::X } else { Facing::Y };
-    Some((sighting.side.join(tracker.filter.offset_m(nearest.0), sighting.along_m), facing))
+    let normal = if observation.side.axis() == 0 { WallNormal::X } else { WallNormal::Y };
+    Some((observation.side.join(tracker.filter.offset_m(nearest.0), observation.along_m), normal))
 }

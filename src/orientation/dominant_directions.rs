@@ -18,7 +18,7 @@ pub struct Axis {
     /// How much better the best direction is than the median one; 1 is no preference.
     pub contrast: f64,
     /// How much better it is than the best one that lies apart from it, as furniture set at an angle has.
-    pub lead: f64,
+    pub peak_ratio: f64,
     /// How strongly the votes gather under it; comparable between the same returns laid out differently.
     pub strength: f64,
 }
@@ -45,7 +45,7 @@ struct Arc {
 
 /// Gathers returns and finds the axis they agree on.
 #[derive(Clone, Debug)]
-pub struct AxisFinder {
+pub struct DominantDirections {
     arcs: Vec<Arc>,
     /// By the side that the wall is heard on.
     votes: Box<[[f32; RHO_BINS]; 4]>,
@@ -65,13 +65,13 @@ const PEAK: usize = 6;
 /// Directions on each side of the best that are its own flank.
 const APART: usize = 15;
 
-impl Default for AxisFinder {
+impl Default for DominantDirections {
     fn default() -> Self {
         Self { arcs: Vec::new(), votes: Box::new([[0.0; RHO_BINS]; 4]), scores: [0.0; DIRECTIONS] }
     }
 }
 
-impl AxisFinder {
+impl DominantDirections {
     /// Adds a beam seen from the robot at `frame_from_robot`; beams without a distance say nothing.
     pub fn add(&mut self, frame_from_robot: impl Into<Placement>, beam: &Beam) {
         if beam.has_range() {
@@ -104,7 +104,12 @@ impl AxisFinder {
         let offset = self.peak_offset(best);
         let angle_rad = (best as f64 + offset) * STEP_RAD;
         let folded = if angle_rad > 0.5 * FRAC_PI_2 { angle_rad - FRAC_PI_2 } else { angle_rad };
-        (median > 0.0).then_some(Axis { angle_rad: folded, contrast: top / median, lead: top / rival, strength: top })
+        (median > 0.0).then_some(Axis {
+            angle_rad: folded,
+            contrast: top / median,
+            peak_ratio: top / rival,
+            strength: top,
+        })
     }
 
     /// How strongly the returns agree on the best direction within 8 degrees of `angle_rad`; none without returns.
@@ -181,8 +186,8 @@ mod tests {
     use std::f64::consts::TAU;
 
     /// The ring's ranges from the middle of a 4 x 3 m room turned by `turn`, heard through cones.
-    fn room(turn_rad: f64, half_angle_rad: f64) -> AxisFinder {
-        let mut finder = AxisFinder::default();
+    fn room(turn_rad: f64, half_angle_rad: f64) -> DominantDirections {
+        let mut finder = DominantDirections::default();
         for sensor in 0..32 {
             let bearing = TAU * f64::from(sensor) / 32.0;
             let range_m = [(0.0, 2.3), (1.0, 1.1), (2.0, 1.7), (3.0, 1.9)]
@@ -218,6 +223,6 @@ mod tests {
 
     #[test]
     fn nothing_heard_is_no_axis() {
-        assert_eq!(AxisFinder::default().find(), None);
+        assert_eq!(DominantDirections::default().find(), None);
     }
 }

@@ -5,7 +5,7 @@
 //! the likely shifts, and each pair of them is scored by the share of returns that its walls explain. Where two places
 //! explain them about as well, the robot does not know.
 
-use super::beam_model::{Side, Sighting, sight};
+use super::beam_model::{Side, WallObservation, observe_wall};
 use crate::geometry::Pose2;
 use crate::sweep::Beam;
 use std::f64::consts::FRAC_PI_2;
@@ -44,12 +44,12 @@ const MARGIN_M: f64 = 0.15;
 /// A return from so far behind a wall, metres, speaks against a place as one explained speaks for it.
 const THROUGH_M: f64 = 0.15;
 /// A place is scored by no more than about so many returns.
-const MOST_SCORED: usize = 150;
+const MAX_SCORED: usize = 150;
 /// Fewer returns than this find no place.
-const LEAST_RETURNS: usize = 60;
+const MIN_RETURNS: usize = 60;
 /// The best place must explain this share of the returns, and so much more than any other.
-const LEAST_EXPLAINED: f64 = 0.65;
-const LEAST_LEAD: f64 = 0.08;
+const MIN_EXPLAINED: f64 = 0.65;
+const MIN_LEAD: f64 = 0.08;
 /// Wheels slip by little more often than by much: what a metre, a move at the most, and a quarter turn take from the score.
 const PER_METRE: f64 = 0.2;
 const PER_MOVE: f64 = 0.25;
@@ -66,8 +66,9 @@ pub fn find(returns: &[(Pose2, Beam)], walls: impl Iterator<Item = KnownWall>, a
         // Turned about where the robot is now.
         let about = Pose2::new(pivot.x_m, pivot.y_m, 0.0);
         let turned = about * Pose2::new(0.0, 0.0, turn) * about.inverse();
-        let sightings: Vec<Sighting> = returns.iter().filter_map(|(pose, beam)| sight(turned * *pose, beam)).collect();
-        if sightings.len() < LEAST_RETURNS {
+        let sightings: Vec<WallObservation> =
+            returns.iter().filter_map(|(pose, beam)| observe_wall(turned * *pose, beam)).collect();
+        if sightings.len() < MIN_RETURNS {
             continue;
         }
         let [across_x, across_y] = [0, 1].map(|axis| shifts(&sightings, walls, axis));
@@ -85,7 +86,7 @@ pub fn find(returns: &[(Pose2, Beam)], walls: impl Iterator<Item = KnownWall>, a
         apart.position().coords.norm() > 0.25 || apart.theta_rad.abs() > 0.3
     };
     let rival = places.iter().filter(|(_, place)| is_elsewhere(place)).map(|(score, _)| *score).fold(0.0, f64::max);
-    (best.explained >= LEAST_EXPLAINED && score - rival >= LEAST_LEAD).then_some(best)
+    (best.explained >= MIN_EXPLAINED && score - rival >= MIN_LEAD).then_some(best)
 }
 
 /// The walls that any return may have come from, however the robot is turned and moved: their number does not grow with the building.
@@ -105,12 +106,12 @@ fn nearby(returns: &[(Pose2, Beam)], walls: impl Iterator<Item = KnownWall>, piv
 
 /// The shifts along one axis that most pairs of returns and walls ask for.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the histogram")]
-fn shifts(sightings: &[Sighting], walls: &[KnownWall], axis: usize) -> Vec<f64> {
+fn shifts(sightings: &[WallObservation], walls: &[KnownWall], axis: usize) -> Vec<f64> {
     let mut votes = [0u32; BINS];
-    for sighting in sightings.iter().filter(|sighting| sighting.side.axis() == axis) {
-        for wall in walls.iter().filter(|wall| wall.side == sighting.side) {
-            let place = (wall.offset_m - sighting.offset_m() + REACH_M) / BIN_M + 0.5;
-            let along = sighting.along_m > wall.lo_m - REACH_M && sighting.along_m < wall.hi_m + REACH_M;
+    for observation in sightings.iter().filter(|observation| observation.side.axis() == axis) {
+        for wall in walls.iter().filter(|wall| wall.side == observation.side) {
+            let place = (wall.offset_m - observation.offset_m() + REACH_M) / BIN_M + 0.5;
+            let along = observation.along_m > wall.lo_m - REACH_M && observation.along_m < wall.hi_m + REACH_M;
             if along && place >= 0.0 && place < BINS as f64 {
                 votes[place as usize] += 1;
             }
@@ -132,25 +133,25 @@ fn shifts(sightings: &[Sighting], walls: &[KnownWall], axis: usize) -> Vec<f64> 
 }
 
 /// The share of the sightings that walls explain after a shift, and the shift with the mean misfit taken out.
-fn explained(sightings: &[Sighting], walls: &[KnownWall], dx: f64, dy: f64) -> (f64, f64, f64) {
+fn explained(sightings: &[WallObservation], walls: &[KnownWall], dx: f64, dy: f64) -> (f64, f64, f64) {
     let (mut hits, mut counts, mut misfits) = (0.0, [0.0; 2], [0.0; 2]);
-    let stride = (sightings.len() / MOST_SCORED).max(1);
-    for sighting in sightings.iter().step_by(stride) {
-        let axis = sighting.side.axis();
+    let stride = (sightings.len() / MAX_SCORED).max(1);
+    for observation in sightings.iter().step_by(stride) {
+        let axis = observation.side.axis();
         let (across, along) = if axis == 0 { (dx, dy) } else { (dy, dx) };
-        let (offset_m, along_m) = (sighting.offset_m() + across, sighting.along_m + along);
+        let (offset_m, along_m) = (observation.offset_m() + across, observation.along_m + along);
         let misfit_m = walls
             .iter()
-            .filter(|w| w.side == sighting.side && along_m > w.lo_m - MARGIN_M && along_m < w.hi_m + MARGIN_M)
+            .filter(|w| w.side == observation.side && along_m > w.lo_m - MARGIN_M && along_m < w.hi_m + MARGIN_M)
             .map(|wall| wall.offset_m - offset_m)
             .min_by(|a, b| a.abs().total_cmp(&b.abs()));
-        let (side, foot_m, depth_m) = (sighting.side, sighting.foot_m + along, sighting.depth_m);
+        let (side, foot_m, depth_m) = (observation.side, observation.foot_m + along, observation.depth_m);
         let is_through = |w: &KnownWall| {
-            let before_m = depth_m - side.sign() * (w.offset_m - sighting.across_m - across);
+            let before_m = depth_m - side.sign() * (w.offset_m - observation.across_m - across);
             let faces = w.side == side && foot_m > w.lo_m + MARGIN_M && foot_m < w.hi_m - MARGIN_M;
             faces && before_m > THROUGH_M && before_m < depth_m
         };
-        if sighting.oblique_rad <= 0.0 && walls.iter().any(is_through) {
+        if observation.oblique_rad <= 0.0 && walls.iter().any(is_through) {
             hits -= 1.0;
         }
         if let Some(misfit_m) = misfit_m.filter(|misfit_m| misfit_m.abs() < NEAR_M) {

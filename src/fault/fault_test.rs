@@ -7,12 +7,12 @@
 
 use super::evidence::Evidence;
 use crate::event::{FaultKind, SensorState};
-use crate::memory::{Impossible, SensorMemory};
+use crate::saved_state::{InvalidState, SensorHistory};
 use crate::sweep::NoMeasurement;
 
 /// The evidence gathered against one sensor.
 #[derive(Clone, Copy, Debug)]
-pub struct Suspicion {
+pub struct FaultTest {
     /// By [`FaultKind`], the surest first.
     ratios: [f64; KINDS.len()],
     last_m: f64,
@@ -21,19 +21,19 @@ pub struct Suspicion {
     heard_in_row: u32,
     silent_in_row: u32,
     state: SensorState,
-    relapses: f64,
+    recurrences: f64,
 }
 
 /// The kinds, the one that is surest of its evidence first: where two are proven, it names the fault.
 const KINDS: [FaultKind; 4] = [FaultKind::Missing, FaultKind::Stuck, FaultKind::Saturated, FaultKind::Noisy];
 
 /// Above this a sensor is faulty; below the other it is healthy again.
-const CONVICT: f64 = 6.0;
-const ACQUIT: f64 = 0.0;
+const DECLARE: f64 = 6.0;
+const CLEAR: f64 = 0.0;
 const FLOOR: f64 = -2.0;
 const CEILING: f64 = 12.0;
 /// A sensor often convicted has its ceiling raised this many times at most.
-const MOST_RELAPSES: f64 = 3.0;
+const MAX_RELAPSES: f64 = 3.0;
 /// Healthy sweeps that undo one relapse.
 const FORGIVEN_SWEEPS: f64 = 600.0;
 
@@ -51,7 +51,7 @@ const SILENT_AT_WALL: f64 = 11.0;
 /// Neighbours this far apart leave no room for a gap between them; the farther apart, the less they prove.
 const CLOSE_RAD: f64 = 25.0 * std::f64::consts::PI / 180.0;
 /// What one such sweep may add at most.
-const MOST_SILENT: f64 = 0.9;
+const MAX_SILENT: f64 = 0.9;
 /// A sensor that never hears cannot be heard.
 const HEARD: f64 = -3.0;
 /// A reading that leaps from the last one and that PCA over three sweeps cannot explain: most of a noisy sensor's, one of thirty of a
@@ -72,7 +72,7 @@ const REPEATED: f64 = 0.35;
 const CHANGED: f64 = -6.0;
 const SAME_M: f64 = 4e-4;
 
-impl Default for Suspicion {
+impl Default for FaultTest {
     fn default() -> Self {
         Self {
             ratios: [0.0; KINDS.len()],
@@ -81,12 +81,12 @@ impl Default for Suspicion {
             heard_in_row: 0,
             silent_in_row: 0,
             state: SensorState::Healthy,
-            relapses: 0.0,
+            recurrences: 0.0,
         }
     }
 }
 
-impl Suspicion {
+impl FaultTest {
     /// The strongest log-likelihood ratio of all kinds.
     #[must_use]
     pub fn score(&self) -> f64 {
@@ -95,24 +95,24 @@ impl Suspicion {
 
     /// What is worth remembering of the trial: the verdict, and how often it was overturned.
     #[must_use]
-    pub fn memory(&self) -> SensorMemory {
-        SensorMemory { state: self.state, relapses: self.relapses }
+    pub fn saved_state(&self) -> SensorHistory {
+        SensorHistory { state: self.state, recurrences: self.recurrences }
     }
 
     /// The trial taken up again: a sensor just convicted, or one without any evidence against it.
     ///
     /// # Errors
-    /// Where the relapses are none that a sensor can have.
-    pub fn restore(&SensorMemory { state, relapses }: &SensorMemory) -> Result<Self, Impossible> {
+    /// Where the recurrences are none that a sensor can have.
+    pub fn restore(&SensorHistory { state, recurrences }: &SensorHistory) -> Result<Self, InvalidState> {
         let least = if state == SensorState::Healthy { 0.0 } else { 1.0 };
-        if !(least..=MOST_RELAPSES).contains(&relapses) {
-            return Err(Impossible("a sensor was convicted more or less often than any can be"));
+        if !(least..=MAX_RELAPSES).contains(&recurrences) {
+            return Err(InvalidState("a sensor was convicted more or less often than any can be"));
         }
-        let mut suspicion = Self { state, relapses, ..Self::default() };
+        let mut fault_test = Self { state, recurrences, ..Self::default() };
         if let SensorState::Faulty(kind) = state {
-            suspicion.ratios[place(kind)] = CONVICT;
+            fault_test.ratios[place(kind)] = DECLARE;
         }
-        Ok(suspicion)
+        Ok(fault_test)
     }
 
     /// Adds one sweep's evidence.
@@ -157,26 +157,29 @@ impl Suspicion {
     }
 
     fn add(&mut self, kind: FaultKind, evidence: f64) {
-        let ceiling =
-            if self.state == SensorState::Faulty(kind) { CEILING * libm::exp2(self.relapses - 1.0) } else { CEILING };
+        let ceiling = if self.state == SensorState::Faulty(kind) {
+            CEILING * libm::exp2(self.recurrences - 1.0)
+        } else {
+            CEILING
+        };
         let ratio = &mut self.ratios[place(kind)];
         *ratio = (*ratio + evidence).clamp(FLOOR, ceiling);
     }
 
     /// The sensor's state after what has been weighed.
     pub fn verdict(&mut self) -> SensorState {
-        let proven = KINDS.into_iter().find(|&kind| self.ratios[place(kind)] >= CONVICT);
+        let proven = KINDS.into_iter().find(|&kind| self.ratios[place(kind)] >= DECLARE);
         self.state = match (self.state, proven) {
             (SensorState::Healthy, Some(kind)) => {
-                self.relapses = (self.relapses + 1.0).min(MOST_RELAPSES);
+                self.recurrences = (self.recurrences + 1.0).min(MAX_RELAPSES);
                 SensorState::Faulty(kind)
             }
             (SensorState::Healthy, None) => {
-                self.relapses = (self.relapses - 1.0 / FORGIVEN_SWEEPS).max(0.0);
+                self.recurrences = (self.recurrences - 1.0 / FORGIVEN_SWEEPS).max(0.0);
                 SensorState::Healthy
             }
             (SensorState::Faulty(kind), Some(surer)) if place(surer) < place(kind) => SensorState::Faulty(surer),
-            (SensorState::Faulty(kind), _) if self.ratios[place(kind)] > ACQUIT => SensorState::Faulty(kind),
+            (SensorState::Faulty(kind), _) if self.ratios[place(kind)] > CLEAR => SensorState::Faulty(kind),
             (SensorState::Faulty(_), proven) => proven.map_or(SensorState::Healthy, SensorState::Faulty),
         };
         self.state
@@ -191,9 +194,10 @@ impl Suspicion {
 
 /// How much a sweep without an echo speaks against the sensor.
 fn silence(evidence: &Evidence) -> f64 {
-    let by_map = evidence.expected.map_or(0.0, |expected| SILENT_BY_MAP * expected.certainty * evidence.novelty());
+    let by_map =
+        evidence.expected.map_or(0.0, |expected| SILENT_BY_MAP * expected.detection_probability * evidence.novelty());
     let by_neighbours = evidence.neighbours.map_or(0.0, |seen| {
-        (SILENT_AT_WALL * (CLOSE_RAD / seen.span_rad).min(1.0) * evidence.passed_m).min(MOST_SILENT)
+        (SILENT_AT_WALL * (CLOSE_RAD / seen.span_rad).min(1.0) * evidence.passed_m).min(MAX_SILENT)
     });
     by_map.max(by_neighbours)
 }
@@ -227,22 +231,22 @@ mod tests {
     }
 
     /// Weighs the same kind of sweep until the state changes; gives the number of sweeps and the state.
-    fn until_changed(suspicion: &mut Suspicion, sweep: impl Fn(usize) -> Evidence) -> (usize, SensorState) {
-        let before = suspicion.state;
+    fn until_changed(fault_test: &mut FaultTest, sweep: impl Fn(usize) -> Evidence) -> (usize, SensorState) {
+        let before = fault_test.state;
         for count in 1..1000 {
-            suspicion.weigh(&sweep(count));
-            if suspicion.verdict() != before {
-                return (count, suspicion.state);
+            fault_test.weigh(&sweep(count));
+            if fault_test.verdict() != before {
+                return (count, fault_test.state);
             }
         }
         (1000, before)
     }
 
-    fn healthy() -> Suspicion {
-        let mut suspicion = Suspicion::default();
+    fn healthy() -> FaultTest {
+        let mut fault_test = FaultTest::default();
         let calm = |count: usize| evidence(1.0 + 0.01 * count as f64);
-        assert_eq!(until_changed(&mut suspicion, calm), (1000, SensorState::Healthy));
-        suspicion
+        assert_eq!(until_changed(&mut fault_test, calm), (1000, SensorState::Healthy));
+        fault_test
     }
 
     #[test]
@@ -255,15 +259,15 @@ mod tests {
     #[test]
     fn a_restored_sensor_keeps_its_state_until_its_readings_speak_against_it() {
         for kind in KINDS {
-            let memory = SensorMemory { state: SensorState::Faulty(kind), relapses: 1.5 };
-            let mut restored = Suspicion::restore(&memory).unwrap();
-            assert_eq!((restored.memory(), restored.verdict()), (memory, memory.state));
+            let memory = SensorHistory { state: SensorState::Faulty(kind), recurrences: 1.5 };
+            let mut restored = FaultTest::restore(&memory).unwrap();
+            assert_eq!((restored.saved_state(), restored.verdict()), (memory, memory.state));
             let calm = |count: usize| evidence(1.0 + 0.01 * count as f64);
             assert_eq!(until_changed(&mut restored, calm).1, SensorState::Healthy, "{kind:?}");
         }
-        for relapses in [f64::NAN, -1.0, 0.5, 4.0] {
-            let memory = SensorMemory { state: SensorState::Faulty(FaultKind::Noisy), relapses };
-            assert!(Suspicion::restore(&memory).is_err(), "{relapses}");
+        for recurrences in [f64::NAN, -1.0, 0.5, 4.0] {
+            let memory = SensorHistory { state: SensorState::Faulty(FaultKind::Noisy), recurrences };
+            assert!(FaultTest::restore(&memory).is_err(), "{recurrences}");
         }
     }
 
@@ -277,7 +281,10 @@ mod tests {
     fn silence_is_a_fault_only_where_something_must_be_heard() {
         let silent = evidence(f64::INFINITY);
         assert_eq!(until_changed(&mut healthy(), |_| silent).1, SensorState::Healthy, "an open room");
-        let at_wall = |certainty| Evidence { expected: Some(Expected { range_m: 1.2, certainty }), ..silent };
+        let at_wall = |detection_probability| Evidence {
+            expected: Some(Expected { range_m: 1.2, detection_probability }),
+            ..silent
+        };
         let (sweeps, state) = until_changed(&mut healthy(), |_| at_wall(1.0));
         assert_eq!(state, SensorState::Faulty(FaultKind::Saturated));
         assert!((5..=8).contains(&sweeps), "{sweeps}");
@@ -288,12 +295,12 @@ mod tests {
 
     #[test]
     fn the_reason_counts_the_neighbours() {
-        let mut suspicion = healthy();
+        let mut fault_test = healthy();
         let seen = Seen { range_m: 1.2, witnesses: 3, span_rad: 0.4 };
         let silent = Evidence { neighbours: Some(seen), ..evidence(f64::INFINITY) };
-        until_changed(&mut suspicion, |_| silent);
+        until_changed(&mut fault_test, |_| silent);
         assert_eq!(
-            suspicion.reason(7, &silent),
+            fault_test.reason(7, &silent),
             "sensor 7 hears nothing, again and again, where three neighbours see a wall at 1.2 m"
         );
     }
@@ -329,15 +336,15 @@ mod tests {
 
     #[test]
     fn who_relapses_is_forgiven_more_slowly() {
-        let mut suspicion = healthy();
+        let mut fault_test = healthy();
         let mut served = [0; 3];
         for sweeps in &mut served {
             for _ in 0..30 {
-                suspicion.weigh(&evidence(f64::NAN));
-                suspicion.verdict();
+                fault_test.weigh(&evidence(f64::NAN));
+                fault_test.verdict();
             }
             let calm = |count: usize| evidence(1.0 + 0.01 * count as f64);
-            let (count, state) = until_changed(&mut suspicion, calm);
+            let (count, state) = until_changed(&mut fault_test, calm);
             assert_eq!(state, SensorState::Healthy);
             *sweeps = count;
         }

@@ -6,7 +6,7 @@
 
 /// The leaky mean of normalised innovations.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Insistence {
+pub(super) struct InnovationWhiteness {
     mean: f64,
 }
 
@@ -17,12 +17,12 @@ const WHITE: f64 = GAIN / (2.0 - GAIN);
 /// Means within so many standard deviations are taken for white.
 const WHITE_SIGMA: f64 = 2.0;
 /// A single innovation says no more than this.
-const MOST_SIGMA: f64 = 3.0;
+const MAX_SIGMA: f64 = 3.0;
 
-impl Insistence {
+impl InnovationWhiteness {
     /// Adds an innovation over its standard deviation, and tells by what factor its variance is larger than believed: 1 for white ones.
     pub(super) fn weigh(&mut self, normalised: f64) -> f64 {
-        self.mean += GAIN * (normalised.clamp(-MOST_SIGMA, MOST_SIGMA) - self.mean);
+        self.mean += GAIN * (normalised.clamp(-MAX_SIGMA, MAX_SIGMA) - self.mean);
         (self.mean * self.mean / (WHITE * WHITE_SIGMA * WHITE_SIGMA)).max(1.0)
     }
 }
@@ -33,12 +33,12 @@ mod tests {
 
     #[test]
     fn white_innovations_are_believed_and_insisting_ones_are_not() {
-        let mut white = Insistence::default();
+        let mut white = InnovationWhiteness::default();
         assert!((0..200).all(|k| white.weigh(if k % 2 == 0 { 1.0 } else { -1.0 }) <= 1.0));
-        let mut same = Insistence::default();
+        let mut same = InnovationWhiteness::default();
         let factor = (0..50).map(|_| same.weigh(1.0)).last().unwrap_or_default();
         assert!(factor > 4.0, "{factor}");
-        let mut wild = Insistence::default();
+        let mut wild = InnovationWhiteness::default();
         assert!((0..100).all(|_| wild.weigh(1e9) <= 45.0));
     }
 }

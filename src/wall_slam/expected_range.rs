@@ -8,14 +8,14 @@
 
 use crate::fault::evidence::Expected;
 use crate::geometry::Pose2;
-use crate::mapping::grid::{Facing, OccupancyGrid};
+use crate::mapping::grid::{OccupancyGrid, WallNormal};
 use crate::position::beam_model::POINT_RAD;
 
 /// Where the rays lie between the axis and the beam's edges; where none of the first ends, the view is open.
 const PLACES: [f64; 5] = [0.0, -1.0, 1.0, -0.5, 0.5];
 const ENOUGH: usize = 3;
 /// The rays spread at least this far to either side: the heading is not known better, radians.
-const LEAST_SPREAD_RAD: f64 = 0.05;
+const MIN_SPREAD_RAD: f64 = 0.05;
 /// From these log-odds on a cell is well known, hundredths.
 const WELL_KNOWN: i16 = 200;
 /// Cosine of the incidence up to which a wall answers: 30 degrees.
@@ -31,7 +31,7 @@ pub(super) fn expected(
     half_angle_rad: f64,
     max_range_m: f64,
 ) -> Option<Expected> {
-    let spread_rad = half_angle_rad.max(LEAST_SPREAD_RAD);
+    let spread_rad = half_angle_rad.max(MIN_SPREAD_RAD);
     let (mut ended, mut answered, mut nearest_m) = (0.0, 0.0, f64::INFINITY);
     for (count, place) in PLACES.into_iter().enumerate() {
         if count == ENOUGH && ended == 0.0 {
@@ -47,8 +47,8 @@ pub(super) fn expected(
         }
     }
     let rays = PLACES.len() as f64;
-    let certainty = answered / rays * (ended / rays).powi(2);
-    (answered > 0.0).then_some(Expected { range_m: nearest_m, certainty })
+    let detection_probability = answered / rays * (ended / rays).powi(2);
+    (answered > 0.0).then_some(Expected { range_m: nearest_m, detection_probability })
 }
 
 /// Where a ray ends.
@@ -65,9 +65,9 @@ fn follow(grid: &OccupancyGrid, ray: Pose2, reach_m: f64) -> Option<Met> {
     for (step, cell) in (1..).zip(grid.ray(ray.position(), (cos, sin), grid.cell_m(), reach_m)) {
         let log_odds = reader.log_odds(cell);
         if log_odds > 0 {
-            let cos_incidence = match reader.facing(cell) {
-                Some(Facing::X) => cos.abs(),
-                Some(Facing::Y) => sin.abs(),
+            let cos_incidence = match reader.normal(cell) {
+                Some(WallNormal::X) => cos.abs(),
+                Some(WallNormal::Y) => sin.abs(),
                 None => 1.0,
             };
             return (log_odds >= WELL_KNOWN).then_some(Met { range_m: f64::from(step) * grid.cell_m(), cos_incidence });
@@ -91,30 +91,30 @@ mod tests {
         for step in 0..400 {
             let along_m = 0.01 * f64::from(step) - 2.0;
             if along_m < until_m {
-                (0..20).for_each(|_| mark_wall(&mut grid, Point::new(1.52, along_m), Facing::X));
+                (0..20).for_each(|_| mark_wall(&mut grid, Point::new(1.52, along_m), WallNormal::X));
             }
         }
         grid
     }
 
-    fn certainty(grid: &OccupancyGrid, heading_deg: f64, half_angle_rad: f64) -> f64 {
+    fn detection_probability(grid: &OccupancyGrid, heading_deg: f64, half_angle_rad: f64) -> f64 {
         let pose = Pose2::new(0.01, 0.0, heading_deg.to_radians());
-        expected(grid, pose, half_angle_rad, 3.0).map_or(0.0, |expected| expected.certainty)
+        expected(grid, pose, half_angle_rad, 3.0).map_or(0.0, |expected| expected.detection_probability)
     }
 
     #[test]
     fn a_wall_that_fills_the_beam_must_be_heard_and_one_that_mirrors_the_sound_away_need_not() {
         let wall = wall(2.0);
-        assert!((certainty(&wall, 0.0, HALF_RAD) - 1.0).abs() < 1e-9);
-        assert!((0.1..0.9).contains(&certainty(&wall, 35.0, HALF_RAD)));
-        assert!(certainty(&wall, 45.0, HALF_RAD) < 1e-9);
-        assert!((certainty(&wall, 45.0, 0.0) - 1.0).abs() < 1e-9, "a point beam hears it");
+        assert!((detection_probability(&wall, 0.0, HALF_RAD) - 1.0).abs() < 1e-9);
+        assert!((0.1..0.9).contains(&detection_probability(&wall, 35.0, HALF_RAD)));
+        assert!(detection_probability(&wall, 45.0, HALF_RAD) < 1e-9);
+        assert!((detection_probability(&wall, 45.0, 0.0) - 1.0).abs() < 1e-9, "a point beam hears it");
         assert!((expected(&wall, Pose2::default(), HALF_RAD, 3.0).unwrap().range_m - 1.5).abs() < 0.06);
     }
 
     #[test]
     fn the_more_of_the_beam_is_open_the_less_is_sure() {
-        let [whole, most, half] = [2.0, 0.2, 0.0].map(|until_m| certainty(&wall(until_m), 0.0, HALF_RAD));
+        let [whole, most, half] = [2.0, 0.2, 0.0].map(|until_m| detection_probability(&wall(until_m), 0.0, HALF_RAD));
         assert!(whole > most && most > 2.0 * half && half > 0.0, "{whole} {most} {half}");
     }
 
@@ -123,7 +123,7 @@ mod tests {
         let pose = Pose2::new(-1.4, 0.0, 0.0);
         assert!(expected(&wall(2.0), pose, HALF_RAD, 3.0).is_none());
         let mut once = OccupancyGrid::new(0.05);
-        mark_wall(&mut once, Point::new(1.52, 0.0), Facing::X);
+        mark_wall(&mut once, Point::new(1.52, 0.0), WallNormal::X);
         assert!(expected(&once, Pose2::default(), HALF_RAD, 3.0).is_none());
     }
 }

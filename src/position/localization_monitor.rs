@@ -7,7 +7,7 @@
 
 /// Weighs what is heard against what the walls promise: a short memory for doubt, a long one for certainty.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct LockWatch {
+pub struct LocalizationMonitor {
     lately: Balance,
     lastingly: Balance,
 }
@@ -31,7 +31,7 @@ const SURE: f64 = 0.12;
 const DOUBT: f64 = 0.25;
 const LOST: f64 = 0.45;
 
-impl LockWatch {
+impl LocalizationMonitor {
     /// Weighs one reading: whether a well-known wall explains it, and where a wall must be heard.
     pub fn weigh(&mut self, is_explained: bool, expected_m: Option<f64>, range_m: f64) {
         let contradicts = !is_explained && expected_m.is_some_and(|expected_m| (range_m - expected_m).abs() > OFF_M);

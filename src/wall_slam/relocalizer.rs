@@ -3,14 +3,14 @@
 //! The filter goes on meanwhile, for the doubt may be wrong; it is moved only where another place explains what is heard distinctly better.
 
 use crate::geometry::Pose2;
-use crate::orientation::axis::{Axis, AxisFinder};
-use crate::position::relock::{self, KnownWall};
+use crate::orientation::dominant_directions::{Axis, DominantDirections};
+use crate::position::relocalize::{self, KnownWall};
 use crate::sweep::{Beam, Sweep};
 use crate::time::Timestamp;
 
 /// A robot in doubt.
 #[derive(Debug)]
-pub(super) struct Lost {
+pub(super) struct Relocalizer {
     /// From when on its poses are uncertain.
     pub(super) since: Timestamp,
     /// The first sweep of that time: walls learnt from it on may be wrong.
@@ -28,11 +28,11 @@ pub(super) struct Lost {
 const FIRST_SWEEPS: u32 = 20;
 const EVERY_SWEEPS: u32 = 5;
 /// After so many it is given up.
-const MOST_SWEEPS: u32 = 300;
+const MAX_SWEEPS: u32 = 300;
 /// Older returns than so many say little: the wheels have moved on.
-const MOST_RETURNS: usize = 1_000;
+const MAX_RETURNS: usize = 1_000;
 
-impl Lost {
+impl Relocalizer {
     /// The doubt begins, with the robot believed at `pose`.
     pub(super) fn new(since: Timestamp, since_sweep: u64, pose: Pose2, odometry: Pose2) -> Self {
         let map_from_odom = pose * odometry.inverse();
@@ -40,7 +40,7 @@ impl Lost {
             since,
             since_sweep,
             map_from_odom,
-            returns: Vec::with_capacity(MOST_RETURNS),
+            returns: Vec::with_capacity(MAX_RETURNS),
             sweeps: 0,
             blind_m: None,
             must_be_found: false,
@@ -66,7 +66,7 @@ impl Lost {
     pub(super) fn add(&mut self, sweep: &Sweep, is_trusted: impl Fn(usize) -> bool) {
         self.sweeps += 1;
         let pose = self.map_from_odom * sweep.odometry;
-        let excess = (self.returns.len() + sweep.beams.len()).saturating_sub(MOST_RETURNS);
+        let excess = (self.returns.len() + sweep.beams.len()).saturating_sub(MAX_RETURNS);
         self.returns.drain(..excess.min(self.returns.len()));
         let heard = sweep.beams.iter().enumerate().filter(|(sensor, beam)| is_trusted(*sensor) && beam.has_range());
         self.returns.extend(heard.map(|(_, beam)| (pose, *beam)));
@@ -76,7 +76,7 @@ impl Lost {
     pub(super) fn find(
         &self,
         odometry: Pose2,
-        finder: &mut AxisFinder,
+        finder: &mut DominantDirections,
         walls: impl Iterator<Item = KnownWall>,
     ) -> Option<Pose2> {
         if self.sweeps < FIRST_SWEEPS || !self.sweeps.is_multiple_of(EVERY_SWEEPS) {
@@ -86,12 +86,12 @@ impl Lost {
         self.returns.iter().for_each(|(pose, beam)| finder.add(*pose, beam));
         let axis = finder.find().filter(Axis::is_believed);
         finder.clear();
-        let place = relock::find(&self.returns, walls, axis?.angle_rad)?;
+        let place = relocalize::find(&self.returns, walls, axis?.angle_rad)?;
         Some(place.correction * self.map_from_odom * odometry)
     }
 
     /// True where seeking on is of no use. After an encoder's fault it never is: the doubt has a reason.
     pub(super) fn is_hopeless(&self) -> bool {
-        self.sweeps >= MOST_SWEEPS && !self.must_be_found
+        self.sweeps >= MAX_SWEEPS && !self.must_be_found
     }
 }

@@ -4,7 +4,7 @@
 //! enough sweeps and from places far enough apart along the wall, scatter little: a corner, a chair leg or a slanted
 //! surface does not keep one offset while the robot moves.
 
-use super::beam_model::{Side, Sighting};
+use super::beam_model::{Side, WallObservation};
 
 /// A wall in the making.
 #[derive(Clone, Copy, Debug)]
@@ -28,45 +28,45 @@ pub struct Candidate {
 
 /// The candidates.
 #[derive(Clone, Debug)]
-pub struct Nursery {
+pub struct LandmarkInitializer {
     candidates: Vec<Candidate>,
 }
 
-impl Default for Nursery {
+impl Default for LandmarkInitializer {
     fn default() -> Self {
         Self { candidates: Vec::with_capacity(CAPACITY) }
     }
 }
 
 const CAPACITY: usize = 64;
-/// A sighting belongs to a candidate this near in offset and along the wall.
+/// A observation belongs to a candidate this near in offset and along the wall.
 const NEAR_M: f64 = 0.06;
 const REACH_M: f64 = 0.6;
 /// What makes a wall.
-const LEAST_HITS: u32 = 6;
-const LEAST_SWEEPS: u32 = 3;
-const LEAST_EXTENT_M: f64 = 0.25;
-const LEAST_TRAVEL_M: f64 = 0.06;
-const MOST_SCATTER_M: f64 = 0.028;
+const MIN_HITS: u32 = 6;
+const MIN_SWEEPS: u32 = 3;
+const MIN_EXTENT_M: f64 = 0.25;
+const MIN_TRAVEL_M: f64 = 0.06;
+const MAX_SCATTER_M: f64 = 0.028;
 /// Only sightings nearly within the cone make walls.
-const MOST_OBLIQUE_RAD: f64 = 16.0 * std::f64::consts::PI / 180.0;
+const MAX_OBLIQUE_RAD: f64 = 16.0 * std::f64::consts::PI / 180.0;
 /// A candidate not seen for this many sweeps is forgotten.
 const PATIENCE: u64 = 60;
 
-impl Nursery {
-    /// Adds a sighting that no wall explains; the candidate, once it has become a wall.
-    pub fn add(&mut self, sighting: &Sighting, sweep: u64) -> Option<Candidate> {
-        if sighting.oblique_rad > MOST_OBLIQUE_RAD {
+impl LandmarkInitializer {
+    /// Adds a observation that no wall explains; the candidate, once it has become a wall.
+    pub fn add(&mut self, observation: &WallObservation, sweep: u64) -> Option<Candidate> {
+        if observation.oblique_rad > MAX_OBLIQUE_RAD {
             return None;
         }
-        let offset_m = sighting.offset_m();
-        let sensor_m = sighting.foot_m;
+        let offset_m = observation.offset_m();
+        let sensor_m = observation.foot_m;
         self.candidates.retain(|candidate| candidate.last_sweep + PATIENCE >= sweep);
         let nearest = self
             .candidates
             .iter_mut()
             .enumerate()
-            .filter(|(_, c)| c.side == sighting.side && c.reaches(sighting.along_m))
+            .filter(|(_, c)| c.side == observation.side && c.reaches(observation.along_m))
             .map(|(index, c)| ((c.offset_m - offset_m).abs(), index))
             .filter(|(gap_m, _)| *gap_m < NEAR_M)
             .min_by(|a, b| a.0.total_cmp(&b.0));
@@ -76,11 +76,11 @@ impl Nursery {
                 self.candidates.swap_remove(oldest);
             }
             self.candidates.push(Candidate {
-                side: sighting.side,
+                side: observation.side,
                 offset_m,
                 scatter_m2: 0.0,
-                lo_m: sighting.along_m,
-                hi_m: sighting.along_m,
+                lo_m: observation.along_m,
+                hi_m: observation.along_m,
                 hits: 1,
                 sweeps: 1,
                 last_sweep: sweep,
@@ -90,7 +90,7 @@ impl Nursery {
             return None;
         };
         let candidate = &mut self.candidates[index];
-        candidate.extend(offset_m, sighting.along_m, sensor_m, sweep);
+        candidate.extend(offset_m, observation.along_m, sensor_m, sweep);
         candidate.is_wall().then(|| self.candidates.swap_remove(index))
     }
 
@@ -119,10 +119,10 @@ impl Candidate {
     }
 
     fn is_wall(&self) -> bool {
-        self.hits >= LEAST_HITS
-            && self.sweeps >= LEAST_SWEEPS
-            && self.hi_m - self.lo_m >= LEAST_EXTENT_M
-            && self.sensor_hi_m - self.sensor_lo_m >= LEAST_TRAVEL_M
-            && self.scatter_m2 / f64::from(self.hits) <= MOST_SCATTER_M * MOST_SCATTER_M
+        self.hits >= MIN_HITS
+            && self.sweeps >= MIN_SWEEPS
+            && self.hi_m - self.lo_m >= MIN_EXTENT_M
+            && self.sensor_hi_m - self.sensor_lo_m >= MIN_TRAVEL_M
+            && self.scatter_m2 / f64::from(self.hits) <= MAX_SCATTER_M * MAX_SCATTER_M
     }
 }

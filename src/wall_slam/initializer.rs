@@ -8,16 +8,16 @@
 use super::AXIS_SIGMA_RAD;
 use crate::event::Calibration;
 use crate::geometry::{Pose2, wrap_angle};
-use crate::orientation::axis::{Axis, AxisFinder};
+use crate::orientation::dominant_directions::{Axis, DominantDirections};
 use crate::orientation::start::{Search, Step};
-use crate::position::tracker::Tracker;
+use crate::position::ekf_slam::EkfSlam;
 use crate::sweep::Sweep;
 use std::f64::consts::FRAC_PI_2;
 
 /// The sweeps that wait.
 #[derive(Debug)]
-pub(super) struct Beginning {
-    finder: AxisFinder,
+pub(super) struct Initializer {
+    finder: DominantDirections,
     sweeps: Vec<Sweep>,
     travel_m: f64,
     search: Option<Search>,
@@ -25,9 +25,9 @@ pub(super) struct Beginning {
 
 /// Where to begin, and with what.
 #[derive(Debug)]
-pub(super) struct Begun {
+pub(super) struct Initialized {
     /// A tracker at the first sweep.
-    pub(super) tracker: Tracker,
+    pub(super) tracker: EkfSlam,
     /// All the sweeps that waited.
     pub(super) sweeps: Vec<Sweep>,
 }
@@ -39,32 +39,37 @@ const TRAVEL_M: f64 = 3.0 * 8.0 * 8.0;
 /// Steps of the search in one sweep: it is over before the next is due.
 const STEPS: usize = 3;
 /// A lone slanted thing near the start must not pass for the building.
-const LEAST_TRAVEL_M: f64 = 0.6;
+const MIN_TRAVEL_M: f64 = 0.6;
 /// After so many the axis is not waited for any longer.
-const MOST_SWEEPS: usize = 300;
+const MAX_SWEEPS: usize = 300;
 /// The axis must beat every other direction this much at first, and by so much less per metre driven: furniture set at an angle leads
 /// for a while, but the longer the way, the more of the building is heard.
-const MOST_LEAD: f64 = 1.8;
-const LEAD: f64 = 2.4;
-const LEAD_PER_M: f64 = 0.2;
+const MAX_PEAK_RATIO: f64 = 1.8;
+const PEAK_RATIO: f64 = 2.4;
+const PEAK_RATIO_PER_M: f64 = 0.2;
 /// The second time the walls are learnt from a better heading. A third gains nothing.
 const PASSES: usize = 2;
 /// Two views this far apart leave a fifth of the weight to the first.
 const APART_RAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
 
-impl Beginning {
+impl Initializer {
     /// Nothing heard yet.
     pub(super) fn new() -> Self {
-        Self { finder: AxisFinder::default(), sweeps: Vec::with_capacity(MOST_SWEEPS), travel_m: 0.0, search: None }
+        Self {
+            finder: DominantDirections::default(),
+            sweeps: Vec::with_capacity(MAX_SWEEPS),
+            travel_m: 0.0,
+            search: None,
+        }
     }
 
-    /// Takes a sweep; a beginning once there is one. A robot that stands says nothing new: such sweeps are not kept.
+    /// Takes a sweep; a initializer once there is one. A robot that stands says nothing new: such sweeps are not kept.
     pub(super) fn add(
         &mut self,
         sweep: &Sweep,
         wheels: &Calibration,
         is_trusted: impl Fn(usize) -> bool,
-    ) -> Option<Begun> {
+    ) -> Option<Initialized> {
         let stands = sweep.left_m == 0.0 && sweep.right_m == 0.0;
         if stands && self.sweeps.len() >= EVERY_SWEEPS && self.search.is_none() {
             return None;
@@ -80,20 +85,20 @@ impl Beginning {
                 }
             },
             None => {
-                let enough_m = (TRAVEL_M / (sweep.beams.len() as f64).powi(2)).max(LEAST_TRAVEL_M);
+                let enough_m = (TRAVEL_M / (sweep.beams.len() as f64).powi(2)).max(MIN_TRAVEL_M);
                 let is_due = self.travel_m >= enough_m && self.sweeps.len().is_multiple_of(EVERY_SWEEPS);
-                if is_due || self.sweeps.len() >= MOST_SWEEPS {
+                if is_due || self.sweeps.len() >= MAX_SWEEPS {
                     self.search = Search::begin(&mut self.finder, &self.sweeps, wheels);
                 }
-                if self.search.is_some() || self.sweeps.len() < MOST_SWEEPS {
+                if self.search.is_some() || self.sweeps.len() < MAX_SWEEPS {
                     return None;
                 }
                 None
             }
         };
         let axis = axis.filter(Axis::is_believed);
-        let least_lead = (LEAD - LEAD_PER_M * self.travel_m).min(MOST_LEAD);
-        if self.sweeps.len() < MOST_SWEEPS && axis.is_none_or(|axis| axis.lead < least_lead) {
+        let min_peak_ratio = (PEAK_RATIO - PEAK_RATIO_PER_M * self.travel_m).min(MAX_PEAK_RATIO);
+        if self.sweeps.len() < MAX_SWEEPS && axis.is_none_or(|axis| axis.peak_ratio < min_peak_ratio) {
             return None;
         }
         let mut sweeps = std::mem::take(&mut self.sweeps);
@@ -105,7 +110,7 @@ impl Beginning {
             || tracker_at(0.0, 0.25 * FRAC_PI_2, wheels),
             |axis| look_back(-axis.angle_rad, &sweeps, wheels, is_trusted),
         );
-        Some(Begun { tracker, sweeps })
+        Some(Initialized { tracker, sweeps })
     }
 
     /// A few steps of a search.
@@ -120,12 +125,12 @@ impl Beginning {
     }
 }
 
-fn tracker_at(heading_rad: f64, sigma_rad: f64, wheels: &Calibration) -> Tracker {
-    Tracker::new(Pose2::new(0.0, 0.0, heading_rad), sigma_rad, *wheels)
+fn tracker_at(heading_rad: f64, sigma_rad: f64, wheels: &Calibration) -> EkfSlam {
+    EkfSlam::new(Pose2::new(0.0, 0.0, heading_rad), sigma_rad, *wheels)
 }
 
 /// Follows the sweeps to the last and back, twice; a tracker at the heading that the axis and the way back agree on.
-fn look_back(axis_rad: f64, sweeps: &[Sweep], wheels: &Calibration, is_trusted: impl Fn(usize) -> bool) -> Tracker {
+fn look_back(axis_rad: f64, sweeps: &[Sweep], wheels: &Calibration, is_trusted: impl Fn(usize) -> bool) -> EkfSlam {
     let mut agreed = tracker_at(axis_rad, AXIS_SIGMA_RAD, wheels);
     for _ in 0..PASSES {
         let from_rad = agreed.filter.pose().theta_rad;

@@ -1,11 +1,11 @@
 //! Returns → walls → pose: which wall each beam has seen, and what that says of the pose.
 
-use super::beam_model::{Side, Sighting, sight};
+use super::beam_model::{Side, WallObservation, observe_wall};
 use super::filter::{Filter, MAX_WALLS, Measurement, ROBOT};
-use super::insistence::Insistence;
-use super::lock::LockWatch;
-use super::nursery::Nursery;
-use super::parking::Parking;
+use super::inactive_landmarks::InactiveLandmarks;
+use super::innovation_whiteness::InnovationWhiteness;
+use super::landmark_initializer::LandmarkInitializer;
+use super::localization_monitor::LocalizationMonitor;
 use crate::event::Calibration;
 use crate::geometry::{Placement, Pose2, nearest_quarter};
 use crate::sweep::{Beam, Sweep};
@@ -13,7 +13,7 @@ use nalgebra::SVector;
 
 /// One wall; its offset is in the filter under the same index.
 #[derive(Clone, Copy, Debug)]
-pub struct Wall {
+pub struct WallLandmark {
     /// The side it is seen from.
     pub side: Side,
     /// Where along it it has been seen, metres.
@@ -29,9 +29,9 @@ pub struct Wall {
 
 /// What became of a beam.
 #[derive(Clone, Copy, Debug)]
-pub enum Use {
+pub enum Association {
     /// It heard this wall.
-    Wall(Sighting),
+    Wall(WallObservation),
     /// It heard something else.
     Unexplained,
     /// It was not trusted, or heard nothing.
@@ -40,26 +40,26 @@ pub enum Use {
 
 /// Keeps the walls and the pose.
 #[derive(Clone, Debug)]
-pub struct Tracker {
+pub struct EkfSlam {
     /// The filter over pose, wheels and walls.
     pub filter: Filter,
-    pub(super) walls: Vec<Wall>,
-    pub(super) parking: Parking,
+    pub(super) walls: Vec<WallLandmark>,
+    pub(super) inactive: InactiveLandmarks,
     /// True where the walls are known and none is learnt or changed.
     pub(super) is_fixed: bool,
-    pub(super) nursery: Nursery,
-    pub(super) uses: Vec<Use>,
+    pub(super) initializer: LandmarkInitializer,
+    pub(super) associations: Vec<Association>,
     matches: Vec<Option<usize>>,
     /// The walls among the matches, each once.
     seen: Vec<usize>,
     expected: Vec<Option<f64>>,
-    pub(super) watch: LockWatch,
-    turns: Insistence,
+    pub(super) watch: LocalizationMonitor,
+    turns: InnovationWhiteness,
     nis: f64,
 }
 
 /// What the walls say of the heading.
-struct Turn {
+struct HeadingObservation {
     innovation_rad: f64,
     variance: f64,
     /// The beams that say it.
@@ -69,7 +69,7 @@ struct Turn {
 /// Innovations farther out than this many standard deviations belong to something else.
 const GATE_SIGMA: f64 = 2.2;
 /// A cone hears no wall farther outside its edge than this.
-const MOST_OBLIQUE_RAD: f64 = 30.0 * std::f64::consts::PI / 180.0;
+const MAX_OBLIQUE_RAD: f64 = 30.0 * std::f64::consts::PI / 180.0;
 /// Walls are not that flat, and sounds not that straight: floor of one wall's fused noise, metres.
 const MODEL_SIGMA_M: f64 = 0.008;
 /// The same where the walls are those of another drive, which knew them no better.
@@ -91,36 +91,36 @@ const SAME_GAP_M: f64 = 0.6;
 /// Variance of the difference of what one wall's two offsets are, m².
 const SAME_NOISE_M2: f64 = 2.0 * MODEL_SIGMA_M * MODEL_SIGMA_M;
 
-impl Tracker {
+impl EkfSlam {
     /// A tracker for a robot at `pose` in the building frame.
     #[must_use]
     pub fn new(pose: Pose2, heading_sigma_rad: f64, nominal: Calibration) -> Self {
         Self {
             filter: Filter::new(pose, heading_sigma_rad, nominal),
             walls: Vec::with_capacity(MAX_WALLS),
-            parking: Parking::default(),
+            inactive: InactiveLandmarks::default(),
             is_fixed: false,
-            nursery: Nursery::default(),
-            uses: Vec::new(),
+            initializer: LandmarkInitializer::default(),
+            associations: Vec::new(),
             matches: Vec::new(),
             seen: Vec::new(),
             expected: Vec::new(),
-            watch: LockWatch::default(),
-            turns: Insistence::default(),
+            watch: LocalizationMonitor::default(),
+            turns: InnovationWhiteness::default(),
             nis: f64::NAN,
         }
     }
 
     /// The walls in the filter.
     #[must_use]
-    pub fn walls(&self) -> &[Wall] {
+    pub fn walls(&self) -> &[WallLandmark] {
         &self.walls
     }
 
     /// What became of each beam of the last sweep.
     #[must_use]
-    pub fn uses(&self) -> &[Use] {
-        &self.uses
+    pub fn associations(&self) -> &[Association] {
+        &self.associations
     }
 
     /// Normalised innovation squared of the last sweep, per wall seen; NaN where it saw none.
@@ -171,21 +171,21 @@ impl Tracker {
 
     /// Corrects the pose with the beams that `is_trusted`, and where `may_learn`, learns walls from those that no wall explains.
     pub fn correct(&mut self, sweep: &Sweep, may_learn: bool, is_trusted: impl Fn(usize) -> bool) {
-        self.uses.clear();
+        self.associations.clear();
         self.matches.clear();
         let place = Placement::from(self.filter.pose());
         for (sensor, beam) in sweep.beams.iter().enumerate() {
-            let sighting = if is_trusted(sensor) { sight(place, beam) } else { None };
-            let found = sighting.and_then(|sighting| self.wall_of(&sighting));
+            let observation = if is_trusted(sensor) { observe_wall(place, beam) } else { None };
+            let found = observation.and_then(|observation| self.associate(&observation));
             self.matches.push(found);
-            if sighting.is_some() {
+            if observation.is_some() {
                 let is_known = found.is_some_and(|wall| self.walls[wall].hits >= WELL_KNOWN);
                 self.watch.weigh(is_known, self.expected_m(sensor), beam.range_m);
             }
-            self.uses.push(match (sighting, found) {
-                (Some(sighting), Some(_)) => Use::Wall(sighting),
-                _ if is_trusted(sensor) && beam.has_range() => Use::Unexplained,
-                _ => Use::Unused,
+            self.associations.push(match (observation, found) {
+                (Some(observation), Some(_)) => Association::Wall(observation),
+                _ if is_trusted(sensor) && beam.has_range() => Association::Unexplained,
+                _ => Association::Unused,
             });
         }
         self.seen.clear();
@@ -193,7 +193,7 @@ impl Tracker {
         self.seen.sort_unstable();
         self.seen.dedup();
         let (mut nis_sum, mut seen) = (0.0, 0.0);
-        if let Some(turn) = self.turn() {
+        if let Some(turn) = self.observe_heading() {
             let (innovation_rad, heading_variance) = (turn.innovation_rad, self.filter.pose_covariance()[(2, 2)]);
             let factor = self.turns.weigh(innovation_rad / (heading_variance + turn.variance).sqrt());
             let variance = if turn.beams <= FEW_BEAMS { turn.variance * factor } else { turn.variance };
@@ -222,7 +222,7 @@ impl Tracker {
             }
             self.merge(sweep.index);
         }
-        self.park();
+        self.swap_landmarks();
     }
 
     /// Variance of a wall's fused noise.
@@ -231,18 +231,18 @@ impl Tracker {
         sigma_m * sigma_m
     }
 
-    /// The wall that explains a sighting best, within the gate.
-    fn wall_of(&self, sighting: &Sighting) -> Option<usize> {
-        if !sighting.is_sharp && sighting.oblique_rad > MOST_OBLIQUE_RAD {
+    /// The wall that explains a observation best, within the gate.
+    fn associate(&self, observation: &WallObservation) -> Option<usize> {
+        if !observation.is_sharp && observation.oblique_rad > MAX_OBLIQUE_RAD {
             return None;
         }
         let mut best: Option<(f64, usize)> = None;
         for (index, wall) in self.walls.iter().enumerate() {
-            let reaches = sighting.along_m > wall.lo_m - MARGIN_M && sighting.along_m < wall.hi_m + MARGIN_M;
-            if wall.side != sighting.side || !reaches {
+            let reaches = observation.along_m > wall.lo_m - MARGIN_M && observation.along_m < wall.hi_m + MARGIN_M;
+            if wall.side != observation.side || !reaches {
                 continue;
             }
-            let measurement = self.measure(sighting, index);
+            let measurement = self.measure(observation, index);
             let variance = self.filter.innovation_variance(&measurement) + self.model_variance();
             let distance = measurement.innovation * measurement.innovation / variance;
             if distance < GATE_SIGMA * GATE_SIGMA && best.is_none_or(|(least, _)| distance < least) {
@@ -252,25 +252,25 @@ impl Tracker {
         best.map(|(_, index)| index)
     }
 
-    fn measure(&self, sighting: &Sighting, wall: usize) -> Measurement {
-        let sign = sighting.side.sign();
-        let expected_m = sign * (self.filter.offset_m(wall) - sighting.across_m);
+    fn measure(&self, observation: &WallObservation, wall: usize) -> Measurement {
+        let sign = observation.side.sign();
+        let expected_m = sign * (self.filter.offset_m(wall) - observation.across_m);
         Measurement {
-            innovation: sighting.depth_m - expected_m,
-            robot: sighting.by_robot,
+            innovation: observation.depth_m - expected_m,
+            robot: observation.h_robot,
             wall: (wall, sign),
-            variance: sighting.variance,
+            variance: observation.variance,
         }
     }
 
     /// What the beams say of the heading: on each wall, how their misfits grow with how they feel a turn.
-    fn turn(&self) -> Option<Turn> {
+    fn observe_heading(&self) -> Option<HeadingObservation> {
         let (mut information, mut sum, mut beams) = (0.0, 0.0, 0);
         for &wall in &self.seen {
             let (mut w, mut wh, mut whh, mut wz, mut whz, mut count) = (0.0, 0.0, 0.0, 0.0, 0.0, 0);
-            for (used, found) in self.uses.iter().zip(&self.matches) {
-                let (Use::Wall(sighting), true) = (used, *found == Some(wall)) else { continue };
-                let m = self.measure(sighting, wall);
+            for (used, found) in self.associations.iter().zip(&self.matches) {
+                let (Association::Wall(observation), true) = (used, *found == Some(wall)) else { continue };
+                let m = self.measure(observation, wall);
                 let (weight, h) = (1.0 / m.variance, m.robot[2]);
                 w += weight;
                 wh += weight * h;
@@ -287,7 +287,7 @@ impl Tracker {
             }
         }
         let variance = 1.0 / information + TURN_SIGMA_RAD * TURN_SIGMA_RAD;
-        (information > 1.0).then(|| Turn { innovation_rad: sum / information, variance, beams })
+        (information > 1.0).then(|| HeadingObservation { innovation_rad: sum / information, variance, beams })
     }
 
     /// All beams on one wall as one measurement at the pose as it is now.
@@ -299,16 +299,16 @@ impl Tracker {
             if self.matches[sensor] != Some(wall) {
                 continue;
             }
-            let Some(sighting) = sight(place, &sweep.beams[sensor]) else { continue };
-            let measurement = self.measure(&sighting, wall);
+            let Some(observation) = observe_wall(place, &sweep.beams[sensor]) else { continue };
+            let measurement = self.measure(&observation, wall);
             weight += 1.0 / measurement.variance;
             innovation += measurement.innovation / measurement.variance;
-            edge += sighting.edge_m / measurement.variance;
+            edge += observation.edge_m / measurement.variance;
             robot += measurement.robot / measurement.variance;
-            if sighting.oblique_rad < 0.1 && !self.is_fixed {
+            if observation.oblique_rad < 0.1 && !self.is_fixed {
                 let extent = &mut self.walls[wall];
-                extent.lo_m = extent.lo_m.min(sighting.along_m);
-                extent.hi_m = extent.hi_m.max(sighting.along_m);
+                extent.lo_m = extent.lo_m.min(observation.along_m);
+                extent.hi_m = extent.hi_m.max(observation.along_m);
             }
         }
         (weight > 0.0).then(|| Measurement {
@@ -322,16 +322,17 @@ impl Tracker {
     /// Gathers what no wall explains, until it is a wall.
     fn learn(&mut self, sweep: &Sweep) {
         let place = Placement::from(self.filter.pose());
-        for sensor in 0..self.uses.len() {
-            if !matches!(self.uses[sensor], Use::Unexplained) {
+        for sensor in 0..self.associations.len() {
+            if !matches!(self.associations[sensor], Association::Unexplained) {
                 continue;
             }
-            let Some(sighting) = sight(place, &sweep.beams[sensor]) else { continue };
-            let Some(new) = self.nursery.add(&sighting, sweep.index) else { continue };
-            let by_robot = sighting.by_robot * -sighting.side.sign();
-            if self.filter.add(new.offset_m, &by_robot, SAME_NOISE_M2).is_some() {
+            let Some(observation) = observe_wall(place, &sweep.beams[sensor]) else { continue };
+            let Some(new) = self.initializer.add(&observation, sweep.index) else { continue };
+            let h_robot = observation.h_robot * -observation.side.sign();
+            if self.filter.add(new.offset_m, &h_robot, SAME_NOISE_M2).is_some() {
                 let (lo_m, hi_m, now) = (new.lo_m, new.hi_m, sweep.index);
-                let wall = Wall { side: new.side, lo_m, hi_m, hits: 1, last_sweep: now, first_sweep: Some(now) };
+                let wall =
+                    WallLandmark { side: new.side, lo_m, hi_m, hits: 1, last_sweep: now, first_sweep: Some(now) };
                 self.walls.push(wall);
             }
         }
