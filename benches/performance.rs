@@ -6,9 +6,9 @@
 mod options;
 mod workload;
 
-use slamd::bench::machine;
-use slamd::bench::report::{BY_HAND, by_hand};
-use slamd::config::Method;
+use slamd_core::config::Method;
+use slamd_eval::bench::machine;
+use slamd_eval::bench::report::{BY_HAND, by_hand};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;

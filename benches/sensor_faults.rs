@@ -9,9 +9,9 @@ mod options;
 
 use broken::{Drive, Outcome, Slip};
 use indicatif::ProgressBar;
-use slamd::bench::table::quantile;
-use slamd::event::{EncoderState, SensorState};
-use slamd::sim::fault::SensorFault;
+use slamd_core::event::{EncoderState, SensorState};
+use slamd_eval::bench::table::quantile;
+use slamd_sim::fault::SensorFault;
 use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -170,9 +170,10 @@ fn print_row(row: &Row, broken: &[Outcome], whole: &[Outcome]) {
         }
         if std::env::var_os("VERBOSE").is_some() {
             eprintln!("{} {}: ratio {ratio:.2}, covered {:?}", row.name, drive.seed, outcome.covered(whole));
-            let words = |lock: &slamd::event::LockEvent| format!("{:.1} {:?}", lock.at.seconds(), lock.change);
+            let words = |lock: &slamd_core::event::LockEvent| format!("{:.1} {:?}", lock.at.seconds(), lock.change);
             eprintln!("    {:?}", outcome.locks.iter().map(words).collect::<Vec<_>>());
-            let words = |e: &slamd::event::EncoderEvent| format!("{:.1} {:?} {:?}", e.at.seconds(), e.wheel, e.state);
+            let words =
+                |e: &slamd_core::event::EncoderEvent| format!("{:.1} {:?} {:?}", e.at.seconds(), e.wheel, e.state);
             eprintln!("    {:?}", outcome.encoders.iter().map(words).collect::<Vec<_>>());
         }
     }
@@ -217,7 +218,7 @@ fn found_s(drive: &Drive, outcome: &Outcome) -> Vec<f64> {
 }
 
 /// Whether an encoder's verdict names what is broken.
-fn is_right(drive: &Drive, told: &slamd::event::EncoderEvent) -> bool {
+fn is_right(drive: &Drive, told: &slamd_core::event::EncoderEvent) -> bool {
     drive.encoder_faults.iter().any(|fault| {
         let words = format!("{:?} {:?}", fault.wheel, fault.kind);
         told.state != EncoderState::Healthy

@@ -9,11 +9,11 @@ mod options;
 
 use haste::Haste;
 use rustix::time::{ClockId, clock_gettime};
-use slamd::capture::CaptureReader;
-use slamd::config::Config;
 use slamd::source::replay::step;
 use slamd::source::session::Session;
-use slamd::viewer::{Identity, Viewer};
+use slamd_capture::CaptureReader;
+use slamd_core::config::Config;
+use slamd_viewer::{Identity, Viewer};
 use std::cell::Cell;
 use std::net::TcpListener;
 use std::path::Path;
@@ -82,7 +82,12 @@ fn play(kind: Kind, speed: f64) -> Cost {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("replay/flat-paper-faults.mcap");
     let mut capture = CaptureReader::open(&path).expect("the committed capture");
     let config = Config::from_toml(&capture.info().config_toml).expect("its configuration");
-    let mut session = Session::new(config, &folder.path().join("out")).expect("a session");
+    let mut session = Session::new(
+        slamd_paper::pipeline(&config, slamd_core::pipeline::Start::Fresh)
+            .expect("a fresh start holds nothing that could be refused"),
+        &folder.path().join("out"),
+    )
+    .expect("a session");
     let (tapped, clock_s) = (Rc::new(Cell::new(0.0)), clock_s());
     if let Some(mut tap) = viewer.tap() {
         let tapped = Rc::clone(&tapped);

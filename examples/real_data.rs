@@ -7,15 +7,14 @@ mod convert;
 
 use convert::Failure;
 use flate2::read::GzDecoder;
-use slamd::capture::{CaptureReader, Record};
-use slamd::config::{Config, Method};
-use slamd::event::{Event, Input, Output};
-use slamd::geometry::{Pose2, wrap_angle};
-use slamd::import::{carmen, ring};
-use slamd::metrics::{Relation, RelationError, relation_error};
-use slamd::pipeline::Pipeline;
 use slamd::source::replay::replay;
 use slamd::source::session::Session;
+use slamd_capture::{CaptureReader, Record};
+use slamd_core::config::{Config, Method};
+use slamd_core::event::{Event, Input, Output};
+use slamd_core::geometry::{Pose2, wrap_angle};
+use slamd_eval::import::{carmen, ring};
+use slamd_metrics::{Relation, RelationError, relation_error};
 use std::fmt::Write as _;
 use std::io::Read;
 use std::path::Path;
@@ -52,7 +51,9 @@ struct Run {
 
 impl Run {
     fn of(capture: &Path, config: &Config, method: Method) -> Result<Self, Failure> {
-        let mut pipeline = Pipeline::new(&Config { method, ..config.clone() });
+        let mut pipeline =
+            slamd_paper::pipeline(&Config { method, ..config.clone() }, slamd_core::pipeline::Start::Fresh)
+                .expect("a fresh start holds nothing that could be refused");
         let mut run = Self::default();
         for record in CaptureReader::open(capture)? {
             match record? {
@@ -210,7 +211,11 @@ fn corridor(data: &Path, docs: &Path, page: &mut String) -> Result<(), Failure> 
         libm::hypot(moved.x, moved.y)
     });
     let farthest_m = apart_m.fold(0.0, f64::max);
-    let mut session = Session::new(config, &folder.path().join("out"))?;
+    let mut session = Session::new(
+        slamd_paper::pipeline(&config, slamd_core::pipeline::Start::Fresh)
+            .expect("a fresh start holds nothing that could be refused"),
+        &folder.path().join("out"),
+    )?;
     replay(&mut CaptureReader::open(&capture)?, &mut session, |_| {})?;
     session.finish()?;
     std::fs::copy(folder.path().join("out/map.png"), docs.join("corridor.png"))?;

@@ -1,13 +1,13 @@
 //! The only select loop: the serial port, the deadlines, the end.
 
-use crate::link::{Link, LinkState, Remedy};
 use crate::port::{self, PortName, Trouble};
 use crate::recorder::{Chunk, Recorder};
 use crate::session_file::Saver;
 use crate::source::live::LiveSession;
 use crate::source::session::Session;
-use crate::time::Timestamp;
 use bytes::Bytes;
+use slamd_core::link::{Link, LinkState, Remedy};
+use slamd_core::time::Timestamp;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::pin::Pin;
 use std::sync::Arc;

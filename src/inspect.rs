@@ -4,10 +4,10 @@
 #![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
 #![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
 
-use crate::board::Board;
-use crate::capture::{CaptureError, CaptureReader, Record};
-use crate::time::Timestamp;
 use serde::Serialize;
+use slamd_capture::{CaptureError, CaptureReader, Record};
+use slamd_core::board::Board;
+use slamd_core::time::Timestamp;
 use slamd_protocol::{Echo, FrameDecoder, Message, Sonar, kind};
 use std::collections::BTreeMap;
 use std::fmt;

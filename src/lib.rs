@@ -6,46 +6,13 @@
 
 #![forbid(unsafe_code)]
 
-pub mod event;
-pub mod geometry;
-pub mod sweep;
-pub mod time;
-
-pub mod config;
-pub mod saved_state;
-
-pub mod align;
-pub mod board;
-pub mod conversation;
-pub mod handshake;
-pub mod link;
-pub mod settings;
-
-pub mod fault;
-pub mod mapping;
-pub mod orientation;
-pub mod position;
-
-pub mod localize;
-pub mod paper;
-pub mod wall_slam;
-
-pub mod pipeline;
-
 pub mod calibrate;
-pub mod capture;
 pub mod doctor;
-pub mod import;
 pub mod inspect;
-pub mod metrics;
-pub mod publish;
-pub mod ros2;
 pub mod session_file;
-pub mod sim;
 pub mod source;
 
 pub mod api;
-pub mod bench;
 pub mod cli;
 pub mod daemon;
 pub mod monitor;
@@ -53,8 +20,5 @@ pub mod monitor;
 pub mod mqtt;
 pub mod port;
 pub mod priority;
-pub mod private;
 pub mod recorder;
 pub mod service;
-#[cfg(feature = "viewer")]
-pub mod viewer;

@@ -7,11 +7,11 @@
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
 use allocation_counter::measure;
-use slamd::capture::{CaptureReader, Record};
-use slamd::config::Config;
-use slamd::event::{Event, Input, Output};
-use slamd::pipeline::Pipeline;
-use slamd::time::Timestamp;
+use slamd_capture::{CaptureReader, Record};
+use slamd_core::config::Config;
+use slamd_core::event::{Event, Input, Output};
+use slamd_core::pipeline::Pipeline;
+use slamd_core::time::Timestamp;
 use std::path::Path;
 
 /// By then the ring and the axis are known, and the clock's windows of a minute are as long as they get.
@@ -52,7 +52,7 @@ fn allocating(capture: &str) -> (u64, Vec<String>) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("replay").join(capture);
     let mut capture = CaptureReader::open(&path).unwrap();
     let config = Config::from_toml(&capture.info().config_toml).unwrap();
-    let mut pipeline = Pipeline::new(&config);
+    let mut pipeline = slamd_paper::pipeline(&config, slamd_core::pipeline::Start::Fresh).unwrap();
     let (mut sweeps, mut complaints, mut before) = (0, Vec::new(), 0);
     let mut look = |pipeline: &mut Pipeline, at: Timestamp, input: Input<'_>| {
         let caused = cause(pipeline, input);

@@ -2,10 +2,10 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use slamd::bench::case::{Case, Table};
-use slamd::bench::fleet::drive_all;
-use slamd::bench::table::{accuracy_row, fault_rows};
-use slamd::bench::targets::targets;
+use slamd_eval::bench::case::{Case, Table};
+use slamd_eval::bench::fleet::drive_all;
+use slamd_eval::bench::table::{accuracy_row, fault_rows};
+use slamd_eval::bench::targets::targets;
 use std::process::Command;
 
 #[test]

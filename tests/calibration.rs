@@ -5,13 +5,13 @@
 use nalgebra::{Matrix3, Vector3};
 use slamd::calibrate::drive::{Drive, Mapper};
 use slamd::calibrate::{CalibrateError, Report, calibrate};
-use slamd::config::Config;
-use slamd::sim::fault::FaultMix;
-use slamd::sim::link::LinkFaults;
-use slamd::sim::misfit::Misfit;
-use slamd::sim::simulation::{SimConfig, Simulation, session};
-use slamd::sim::sonar::BeamShape;
-use slamd::sim::world::World;
+use slamd_core::config::Config;
+use slamd_sim::fault::FaultMix;
+use slamd_sim::link::LinkFaults;
+use slamd_sim::misfit::Misfit;
+use slamd_sim::simulation::{SimConfig, Simulation, session};
+use slamd_sim::sonar::BeamShape;
+use slamd_sim::world::World;
 
 /// One standard deviation of what is put in.
 const BIAS_M: f64 = 0.02;

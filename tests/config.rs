@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use slamd::config::{Config, Key, Shape, values};
+use slamd_core::config::{Config, Key, Shape, values};
 use slamd_protocol::Setting;
 use std::path::Path;
 

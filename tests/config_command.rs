@@ -6,7 +6,7 @@ mod mock_port;
 
 use mock_port::daemon::Daemon;
 use mock_port::{Board, Device, Plugged};
-use slamd::config::Config;
+use slamd_core::config::Config;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
@@ -139,7 +139,7 @@ fn a_service_needs_no_argument() {
     daemon.expect("link: streaming", Duration::from_secs(20));
     daemon.end();
     let config = left(&home.path("kept"));
-    assert_eq!((config.robot.name.as_str(), config.method), ("butler", slamd::config::Method::Paper));
+    assert_eq!((config.robot.name.as_str(), config.method), ("butler", slamd_core::config::Method::Paper));
     assert!((config.map.cell_m - 0.1).abs() < 1e-9, "{config:?}");
 }
 

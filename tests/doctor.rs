@@ -2,16 +2,16 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use slamd::capture::Record;
-use slamd::config::{Config, SettingValue};
 use slamd::doctor::{Examination, Finding, Level, Report};
-use slamd::sim::fault::FaultMix;
-use slamd::sim::link::LinkFaults;
-use slamd::sim::simulation::{SimConfig, Simulation};
-use slamd::sim::sonar::BeamShape;
-use slamd::sim::world::World;
-use slamd::time::Timestamp;
+use slamd_capture::Record;
+use slamd_core::config::{Config, SettingValue};
+use slamd_core::time::Timestamp;
 use slamd_protocol::{Echo, FrameDecoder, FrameEncoder, Message};
+use slamd_sim::fault::FaultMix;
+use slamd_sim::link::LinkFaults;
+use slamd_sim::simulation::{SimConfig, Simulation};
+use slamd_sim::sonar::BeamShape;
+use slamd_sim::world::World;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::Duration;

@@ -13,14 +13,14 @@ mod plant;
 
 use hosts::{Recording, Script, Wire};
 use mock_port::daemon::Daemon;
-use slamd::capture::{CaptureInfo, CaptureReader, CaptureWriter, Record};
-use slamd::config::Config;
-use slamd::geometry::Pose2;
-use slamd::metrics::{Accuracy, AccuracyMeter};
-use slamd::sim::link::LinkFaults;
-use slamd::sim::simulation::session;
 use slamd::source::session::Session;
-use slamd::time::Timestamp;
+use slamd_capture::{CaptureInfo, CaptureReader, CaptureWriter, Record};
+use slamd_core::config::Config;
+use slamd_core::geometry::Pose2;
+use slamd_core::time::Timestamp;
+use slamd_metrics::{Accuracy, AccuracyMeter};
+use slamd_sim::link::LinkFaults;
+use slamd_sim::simulation::session;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Mutex;
@@ -42,7 +42,11 @@ fn output(name: &str) -> PathBuf {
 
 /// The drive with the simulator's own board, without any serial line.
 fn direct(seed: u64) -> Accuracy {
-    let mut daemon = Session::new(Config::default(), &output(&format!("direct-{seed}"))).unwrap();
+    let mut daemon = Session::new(
+        slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh).unwrap(),
+        &output(&format!("direct-{seed}")),
+    )
+    .unwrap();
     for record in session(mock_port::simulation(seed, LinkFaults::default(), DRIVE_S as f64)) {
         match record {
             Record::Received { at, bytes } => daemon.received(at, &bytes),
@@ -58,7 +62,11 @@ fn direct(seed: u64) -> Accuracy {
 fn in_lock_step(seed: u64) -> Accuracy {
     let (runner, image) = emulation::build();
     let out = output(&format!("emulated-{seed}"));
-    let mut host = Recording::new(Session::new(Config::default(), &out).unwrap(), None);
+    let mut host = Recording::new(
+        Session::new(slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh).unwrap(), &out)
+            .unwrap(),
+        None,
+    );
     emulation::run(runner, image, seed, DRIVE_S, &mut host);
     host.finish().accuracy.unwrap()
 }
@@ -173,7 +181,9 @@ fn the_firmware_sends_the_golden_capture_to_the_bit() {
             notes: format!("protocol/firmware in an emulated ATmega2560, world flat, seed {SEED}; the project's own"),
             faults: Some(Vec::new()),
         };
-        let session = Session::new(config, folder.path()).unwrap();
+        let session =
+            Session::new(slamd_paper::pipeline(&config, slamd_core::pipeline::Start::Fresh).unwrap(), folder.path())
+                .unwrap();
         let mut host = Recording::new(session, Some(CaptureWriter::create(&golden, &info).unwrap()));
         emulation::run(runner, image, SEED, GOLDEN_S, &mut host);
         host.finish();

@@ -2,21 +2,20 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use slamd::bench::table::quantile;
-use slamd::capture::Record;
-use slamd::config::Config;
-use slamd::event::{Event, FaultEvent, FaultKind, Input, Output, SensorState};
-use slamd::fault::detector::Detector;
-use slamd::geometry::Ring;
-use slamd::metrics::{Detection, FaultMeter, TrueFault};
-use slamd::pipeline::Pipeline;
-use slamd::sim::fault::FaultMix;
-use slamd::sim::link::LinkFaults;
-use slamd::sim::simulation::{SimConfig, Simulation, session};
-use slamd::sim::sonar::BeamShape;
-use slamd::sim::world::World;
-use slamd::sweep::{Beam, NoMeasurement, Sweep};
-use slamd::time::Timestamp;
+use slamd_capture::Record;
+use slamd_core::config::Config;
+use slamd_core::event::{Event, FaultEvent, FaultKind, Input, Output, SensorState};
+use slamd_core::fault::detector::Detector;
+use slamd_core::geometry::Ring;
+use slamd_core::sweep::{Beam, NoMeasurement, Sweep};
+use slamd_core::time::Timestamp;
+use slamd_eval::bench::table::quantile;
+use slamd_metrics::{Detection, FaultMeter, TrueFault};
+use slamd_sim::fault::FaultMix;
+use slamd_sim::link::LinkFaults;
+use slamd_sim::simulation::{SimConfig, Simulation, session};
+use slamd_sim::sonar::BeamShape;
+use slamd_sim::world::World;
 use std::path::Path;
 
 /// What a run says of its sensors, each event at the time of the input that brought it.
@@ -38,7 +37,7 @@ fn run(sensors: u8, seed: u64, duration_s: f64, faults: &[&str]) -> Run {
         clock_drift_ppm: 300.0,
         link: LinkFaults::default(),
     });
-    let mut pipeline = Pipeline::new(&Config::default());
+    let mut pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh).unwrap();
     let mut run = Run { faults: Vec::new(), first_estimate_s: f64::INFINITY };
     for record in session(simulation) {
         let now = match &record {

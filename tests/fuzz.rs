@@ -3,8 +3,8 @@
 mod fuzzing;
 
 use fuzzing::{Corpus, Kind};
-use slamd::config::Config;
-use slamd::pipeline::{Pipeline, Start};
+use slamd_core::config::Config;
+use slamd_core::pipeline::Start;
 
 const BYTES: u64 = 50_000_000;
 /// Bytes from one seed, of which a fourth are frames that reach the estimator.
@@ -53,7 +53,7 @@ fn a_wall_that_was_seen_too_often_to_count_is_seen_again() {
     let corpus = Corpus::new();
     let mut memory = corpus.saved_state();
     memory.walls.iter_mut().for_each(|wall| wall.hits = u32::MAX);
-    let mut pipeline = Pipeline::begin(&Config::default(), Start::Resume(Box::new(memory))).expect("sound");
+    let mut pipeline = slamd_paper::pipeline(&Config::default(), Start::Resume(Box::new(memory))).expect("sound");
     corpus.drive(&mut pipeline);
     let walls = pipeline.saved_state().expect("it goes on").walls;
     assert!(pipeline.counters().sweeps > 100 && walls.iter().any(|wall| wall.hits == u32::MAX), "{walls:?}");

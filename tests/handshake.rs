@@ -2,19 +2,19 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use slamd::capture::Record;
-use slamd::config::Config;
-use slamd::event::{Event, Input, Output};
-use slamd::geometry::Pose2;
-use slamd::pipeline::Pipeline;
-use slamd::sim::board::Board;
-use slamd::sim::fault::FaultMix;
-use slamd::sim::link::LinkFaults;
-use slamd::sim::simulation::{SimConfig, Simulation};
-use slamd::sim::sonar::BeamShape;
-use slamd::sim::world::World;
-use slamd::time::Timestamp;
+use slamd_capture::Record;
+use slamd_core::config::Config;
+use slamd_core::event::{Event, Input, Output};
+use slamd_core::geometry::Pose2;
+use slamd_core::pipeline::Pipeline;
+use slamd_core::time::Timestamp;
 use slamd_protocol::{FrameDecoder, FrameEncoder, Hello, Message, Setting, Text};
+use slamd_sim::board::Board;
+use slamd_sim::fault::FaultMix;
+use slamd_sim::link::LinkFaults;
+use slamd_sim::simulation::{SimConfig, Simulation};
+use slamd_sim::sonar::BeamShape;
+use slamd_sim::world::World;
 
 /// A pipeline joined to a simulated board by bytes alone.
 struct Rig {
@@ -47,7 +47,7 @@ impl Rig {
         });
         Self {
             simulation,
-            pipeline: Pipeline::new(config),
+            pipeline: slamd_paper::pipeline(config, slamd_core::pipeline::Start::Fresh).unwrap(),
             now_us: 0,
             joined: true,
             events: Vec::new(),
@@ -222,7 +222,7 @@ fn hello() -> Hello {
 
 /// What a pipeline says after HELLO.
 fn told(hello: Hello) -> Vec<Event> {
-    let mut pipeline = Pipeline::new(&Config::default());
+    let mut pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh).unwrap();
     let frame = FrameEncoder::default().encode(&Message::Hello(hello));
     pipeline.handle(Input::Received { at: Timestamp::from_us(1000), bytes: &frame });
     let outputs = std::iter::from_fn(|| pipeline.poll_output());
@@ -263,8 +263,8 @@ fn another_major_version_says_which_side_to_update() {
 
 #[test]
 fn the_simulated_board_acknowledges() {
-    let ring = slamd::geometry::Ring::circle(8, 0.1, 0.2, 4);
-    let random = slamd::sim::random::Random::new(1, slamd::sim::random::Stream::Board);
+    let ring = slamd_core::geometry::Ring::circle(8, 0.1, 0.2, 4);
+    let random = slamd_sim::random::Random::new(1, slamd_sim::random::Stream::Board);
     let mut board = Board::new(ring, 0.0, random);
     let mut encoder = FrameEncoder::default();
     let mut ask = |message: Message| {

@@ -205,11 +205,11 @@ fn every_module_keeps_to_the_table() {
 #[test]
 fn a_breach_is_noticed() {
     let path = Path::new("fault/detector.rs");
-    assert_eq!(complaints("fault", path, "use crate::position::filter::Filter;\n").len(), 1);
+    assert_eq!(complaints("fault", path, "use slamd_core::position::filter::Filter;\n").len(), 1);
     assert_eq!(complaints("fault", path, "use crate::{sweep::Sweep, mapping::grid::Grid};\n").len(), 1);
-    assert_eq!(complaints("sim", path, "use crate::position::beam_model::sight;\n").len(), 1);
+    assert_eq!(complaints("sim", path, "use slamd_core::position::beam_model::sight;\n").len(), 1);
     assert_eq!(complaints("capture", path, "use slamd_protocol::Message;\n").len(), 1);
     assert_eq!(complaints("pipeline", path, "let now = std::time::Instant::now();\n").len(), 1);
     assert_eq!(complaints("nowhere", path, "").len(), 1);
-    assert!(complaints("fault", path, "use crate::sweep::Sweep; // crate::position\n").is_empty());
+    assert!(complaints("fault", path, "use slamd_core::sweep::Sweep; // slamd_core::position\n").is_empty());
 }

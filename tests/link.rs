@@ -6,7 +6,7 @@ mod mock_port;
 
 use mock_port::daemon::Daemon;
 use mock_port::{Board, Device, Plugged, simulation};
-use slamd::sim::link::LinkFaults;
+use slamd_sim::link::LinkFaults;
 use std::os::unix::fs::{MetadataExt as _, PermissionsExt as _};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};

@@ -2,17 +2,16 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use slamd::capture::Record;
-use slamd::config::Config;
-use slamd::event::{Event, Input, LockChange, LockEvent, Output};
-use slamd::metrics::AccuracyMeter;
-use slamd::pipeline::Pipeline;
-use slamd::sim::fault::FaultMix;
-use slamd::sim::link::LinkFaults;
-use slamd::sim::simulation::{SimConfig, Simulation, session};
-use slamd::sim::sonar::BeamShape;
-use slamd::sim::world::World;
+use slamd_capture::Record;
+use slamd_core::config::Config;
+use slamd_core::event::{Event, Input, LockChange, LockEvent, Output};
+use slamd_metrics::AccuracyMeter;
 use slamd_protocol::{FrameDecoder, FrameEncoder, Message};
+use slamd_sim::fault::FaultMix;
+use slamd_sim::link::LinkFaults;
+use slamd_sim::simulation::{SimConfig, Simulation, session};
+use slamd_sim::sonar::BeamShape;
+use slamd_sim::world::World;
 
 const SLIP_S: f64 = 100.0;
 const SLIP_M: f64 = 0.5;
@@ -50,7 +49,7 @@ fn slipped(records: impl Iterator<Item = Record>) -> Vec<Record> {
 
 /// The lock's changes, and the greatest error after the last of them, metres.
 fn drive(records: &[Record]) -> (Vec<LockEvent>, f64) {
-    let mut pipeline = Pipeline::new(&Config::default());
+    let mut pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh).unwrap();
     let (mut changes, mut worst_m, mut meter) = (Vec::new(), 0.0_f64, AccuracyMeter::default());
     let mut first = None;
     let mut last_truth = None;

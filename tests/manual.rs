@@ -8,7 +8,7 @@
 
 mod python;
 
-use slamd::config::{Config, Shape, schema, values};
+use slamd_core::config::{Config, Shape, schema, values};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};

@@ -7,11 +7,11 @@ use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use ratatui::buffer::Buffer;
 use ratatui::style::Color;
-use slamd::event::{Calibration, Counters, EncoderState, Estimate, FaultEvent, FaultKind, SensorState};
-use slamd::geometry::{Point, Pose2, Ring};
-use slamd::mapping::raster::Raster;
 use slamd::monitor::{Beam, BeamState, Line, Look, Plan, Rates, Snapshot, Tone, View, draw};
-use slamd::time::Timestamp;
+use slamd_core::event::{Calibration, Counters, EncoderState, Estimate, FaultEvent, FaultKind, SensorState};
+use slamd_core::geometry::{Point, Pose2, Ring};
+use slamd_core::mapping::raster::Raster;
+use slamd_core::time::Timestamp;
 use std::sync::Arc;
 
 const FULL: Look = Look { unicode: true, colour: true };

@@ -2,17 +2,16 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use slamd::capture::Record;
-use slamd::config::Config;
-use slamd::event::{Event, Input, Output};
-use slamd::metrics::AccuracyMeter;
-use slamd::pipeline::Pipeline;
-use slamd::sim::fault::FaultMix;
-use slamd::sim::link::LinkFaults;
-use slamd::sim::simulation::{SimConfig, Simulation};
-use slamd::sim::sonar::BeamShape;
-use slamd::sim::world::World;
-use slamd::time::Timestamp;
+use slamd_capture::Record;
+use slamd_core::config::Config;
+use slamd_core::event::{Event, Input, Output};
+use slamd_core::time::Timestamp;
+use slamd_metrics::AccuracyMeter;
+use slamd_sim::fault::FaultMix;
+use slamd_sim::link::LinkFaults;
+use slamd_sim::simulation::{SimConfig, Simulation};
+use slamd_sim::sonar::BeamShape;
+use slamd_sim::world::World;
 
 #[derive(Debug)]
 struct Drive {
@@ -36,7 +35,7 @@ fn drive(link: LinkFaults) -> Drive {
         clock_drift_ppm: 300.0,
         link,
     });
-    let mut pipeline = Pipeline::new(&Config::default());
+    let mut pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh).unwrap();
     let mut meter = AccuracyMeter::default();
     for ms in (0..120_000).step_by(5) {
         let now = Timestamp::from_us(ms * 1_000);

@@ -2,13 +2,14 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use slamd::config::Config;
-use slamd::event::{Estimate, Event, FaultEvent, FaultKind, SensorState};
-use slamd::fault::paper_detector::{IGNORED_SWEEPS, PaperDetector};
-use slamd::geometry::{Point, Pose2, Ring, wrap_angle};
-use slamd::paper::Paper;
-use slamd::sweep::{Beam, NoMeasurement, Sweep};
-use slamd::time::Timestamp;
+use slamd_core::config::Config;
+use slamd_core::event::{Estimate, Event, FaultEvent, FaultKind, SensorState};
+use slamd_core::geometry::{Point, Pose2, Ring, wrap_angle};
+use slamd_core::pipeline::Estimator;
+use slamd_core::sweep::{Beam, NoMeasurement, Sweep};
+use slamd_core::time::Timestamp;
+use slamd_paper::Paper;
+use slamd_paper::detector::{IGNORED_SWEEPS, PaperDetector};
 
 const SENSORS: u8 = 32;
 const MAX_RANGE_M: f64 = 3.0;

@@ -6,9 +6,9 @@ mod faulty_disk;
 
 use bytes::Bytes;
 use faulty_disk::{FaultyDisk, Mood, record};
-use slamd::capture::{CaptureInfo, CaptureReader, Record};
 use slamd::recorder::{Chunk, Folder, Losses, Plan, Recorder, Tape};
-use slamd::time::Timestamp;
+use slamd_capture::{CaptureInfo, CaptureReader, Record};
+use slamd_core::time::Timestamp;
 use std::os::unix::fs::PermissionsExt as _;
 use std::time::Duration;
 

@@ -5,13 +5,12 @@
 
 #![expect(clippy::unwrap_used, reason = "a test")]
 
-use slamd::capture::{CaptureReader, Record};
-use slamd::config::Config;
-use slamd::event::{Event, Input, Output};
-use slamd::geometry::{Pose2, wrap_angle};
-use slamd::import::{ImportError, Summary, carmen, ring};
 use slamd::inspect::inspect;
-use slamd::pipeline::Pipeline;
+use slamd_capture::{CaptureReader, Record};
+use slamd_core::config::Config;
+use slamd_core::event::{Event, Input, Output};
+use slamd_core::geometry::{Pose2, wrap_angle};
+use slamd_eval::import::{ImportError, Summary, carmen, ring};
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -38,7 +37,7 @@ struct Run {
 }
 
 fn run(capture: &Path, config: &Config) -> Run {
-    let mut pipeline = Pipeline::new(config);
+    let mut pipeline = slamd_paper::pipeline(config, slamd_core::pipeline::Start::Fresh).unwrap();
     let (mut poses, mut odometry) = (Vec::new(), Vec::new());
     for record in CaptureReader::open(capture).unwrap() {
         match record.unwrap() {

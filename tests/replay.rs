@@ -2,11 +2,11 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use slamd::capture::CaptureReader;
-use slamd::config::{Config, Method};
-use slamd::publish::Summary;
 use slamd::source::replay::replay;
 use slamd::source::session::Session;
+use slamd_capture::CaptureReader;
+use slamd_core::config::{Config, Method};
+use slamd_publish::Summary;
 use std::path::Path;
 
 fn run(method: Method) -> Summary {
@@ -15,7 +15,9 @@ fn run(method: Method) -> Summary {
     let mut capture = CaptureReader::open(&path).unwrap();
     let config = Config { method, ..Config::from_toml(&capture.info().config_toml).unwrap() };
     let faults = capture.info().faults.clone().unwrap_or_default();
-    let mut session = Session::new(config, folder.path()).unwrap();
+    let mut session =
+        Session::new(slamd_paper::pipeline(&config, slamd_core::pipeline::Start::Fresh).unwrap(), folder.path())
+            .unwrap();
     session.true_faults(faults.iter().map(|fault| fault.parse().unwrap()).collect());
     replay(&mut capture, &mut session, |_| ()).unwrap();
     assert_eq!(capture.damage(), None);

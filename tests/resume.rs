@@ -5,13 +5,13 @@
 mod known_building;
 
 use known_building::{Truths, drive, feed, world};
-use slamd::capture::Record;
-use slamd::config::Config;
-use slamd::event::Event;
-use slamd::geometry::Pose2;
-use slamd::pipeline::{Pipeline, Start};
 use slamd::session_file;
-use slamd::sim::fault::FaultMix;
+use slamd_capture::Record;
+use slamd_core::config::Config;
+use slamd_core::event::Event;
+use slamd_core::geometry::Pose2;
+use slamd_core::pipeline::{Pipeline, Start};
+use slamd_sim::fault::FaultMix;
 
 const HALF_S: f64 = 90.0;
 
@@ -53,12 +53,12 @@ impl Half {
 fn the_second_half_goes_on_where_the_first_ended() {
     let records: Vec<Record> = drive(world("flat"), 4, 2.0 * HALF_S, FaultMix::Paper).collect();
     let (mut whole, mut first, mut second) = (Half::default(), Half::default(), Half::default());
-    let mut pipeline = Pipeline::new(&Config::default());
+    let mut pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh).unwrap();
     for record in &records {
         whole.take(&mut pipeline, record, record.at().seconds() > HALF_S);
     }
 
-    let mut before = Pipeline::new(&Config::default());
+    let mut before = slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh).unwrap();
     for record in records.iter().take_while(|record| record.at().seconds() <= HALF_S) {
         first.take(&mut before, record, false);
     }
@@ -68,7 +68,7 @@ fn the_second_half_goes_on_where_the_first_ended() {
     assert_eq!(session_file::encode(&memory), bytes, "a round trip changes nothing");
 
     // The ring and the ticks come from the board, whose greeting is in the first second.
-    let mut after = Pipeline::begin(&Config::default(), Start::Resume(Box::new(memory))).unwrap();
+    let mut after = slamd_paper::pipeline(&Config::default(), Start::Resume(Box::new(memory))).unwrap();
     second.world_from_map = first.world_from_map;
     let greeting = records.iter().take_while(|record| record.at().seconds() < 0.34);
     for record in greeting.filter(|record| !matches!(record, Record::Truth { .. })) {
@@ -76,7 +76,7 @@ fn the_second_half_goes_on_where_the_first_ended() {
     }
     assert_eq!(after.raster(), before.raster(), "the map is the same to the bit");
     assert_eq!(after.states(), before.states(), "and so is what is known of the sensors");
-    let faulty = before.states().iter().filter(|state| **state != slamd::event::SensorState::Healthy).count();
+    let faulty = before.states().iter().filter(|state| **state != slamd_core::event::SensorState::Healthy).count();
     assert!(faulty >= 6 && second.faults.len() == faulty, "{faulty} faulty, {:?} told", second.faults);
     for record in records.iter().filter(|record| record.at().seconds() > HALF_S) {
         second.take(&mut after, record, true);
@@ -88,17 +88,17 @@ fn the_second_half_goes_on_where_the_first_ended() {
 
 #[test]
 fn a_paper_run_refuses_a_memory() {
-    let mut pipeline = Pipeline::new(&Config::default());
+    let mut pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh).unwrap();
     let mut nothing = Half::default();
     for record in drive(world("flat"), 5, 20.0, FaultMix::None) {
         nothing.take(&mut pipeline, &record, false);
     }
-    let config = Config { method: slamd::config::Method::Paper, ..Config::default() };
+    let config = Config { method: slamd_core::config::Method::Paper, ..Config::default() };
     let memory = Box::new(pipeline.saved_state().unwrap());
-    let error = Pipeline::begin(&config, Start::Resume(memory.clone())).unwrap_err();
+    let error = slamd_paper::pipeline(&config, Start::Resume(memory.clone())).unwrap_err();
     assert!(error.to_string().contains("paper"), "{error}");
     let mut bent = memory;
     bent.filter.covariance.pop();
-    let error = Pipeline::begin(&Config::default(), Start::Localize(bent)).unwrap_err();
+    let error = slamd_paper::pipeline(&Config::default(), Start::Localize(bent)).unwrap_err();
     assert!(error.to_string().contains("not of one size"), "{error}");
 }

@@ -8,8 +8,8 @@
 mod python;
 
 use serde_json::Value;
-use slamd::capture::{CaptureInfo, CaptureReader, CaptureWriter, Record};
-use slamd::geometry::Pose2;
+use slamd_capture::{CaptureInfo, CaptureReader, CaptureWriter, Record};
+use slamd_core::geometry::Pose2;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};

@@ -5,7 +5,7 @@
 mod broken;
 
 use broken::{Drive, Outcome};
-use slamd::event::{EncoderState, LockChange, SensorState, Wheel};
+use slamd_core::event::{EncoderState, LockChange, SensorState, Wheel};
 
 fn with_encoder(fault: &str, seconds: f64) -> Outcome {
     Drive { encoder_faults: vec![fault.parse().unwrap()], ..Drive::flat(5, seconds) }.run()

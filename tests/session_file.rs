@@ -2,11 +2,11 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use slamd::event::{Calibration, FaultKind, SensorState};
-use slamd::saved_state::{
+use slamd::session_file::{HEADER, SessionFileError, decode, encode, read, write};
+use slamd_core::event::{Calibration, FaultKind, SensorState};
+use slamd_core::saved_state::{
     FilterState, InactiveLandmarkState, LandmarkState, MapState, SavedState, SensorHistory, TileState,
 };
-use slamd::session_file::{HEADER, SessionFileError, decode, encode, read, write};
 
 fn saved_state() -> SavedState {
     let wall = LandmarkState { side: 2, lo_m: -1.5, hi_m: 0.1 + 0.2, hits: 77 };
@@ -124,8 +124,8 @@ fn no_mutation_panics() {
         match decode(&bytes) {
             Ok(memory) => {
                 // What no session holds is refused by the stages, in words.
-                let ring = slamd::geometry::Ring::default();
-                let _ = slamd::wall_slam::WallSlam::resume(&slamd::config::Config::default(), &ring, &memory);
+                let ring = slamd_core::geometry::Ring::default();
+                let _ = slamd_core::wall_slam::WallSlam::resume(&slamd_core::config::Config::default(), &ring, &memory);
                 read += 1;
             }
             Err(error) => {

@@ -2,9 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use slamd::align::Aligner;
-use slamd::config::Config;
-use slamd::time::Timestamp;
+use slamd_core::align::Aligner;
+use slamd_core::config::Config;
+use slamd_core::time::Timestamp;
 use slamd_protocol::Encoder;
 
 #[test]

@@ -13,11 +13,11 @@ mod real;
 use mock_port::daemon::Daemon;
 use mock_port::{Board, Device, Plugged};
 use real::{FAULTY, FREE, ODOMETRY, PATH, Shot, UNKNOWN, Viewer, WALL, free_port};
-use slamd::capture::CaptureReader;
-use slamd::config::Config;
 use slamd::source::replay::replay;
 use slamd::source::session::Session;
-use slamd::viewer::Identity;
+use slamd_capture::CaptureReader;
+use slamd_core::config::Config;
+use slamd_viewer::Identity;
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -171,11 +171,13 @@ fn what_a_viewer_does_not_take_is_dropped_and_counted() {
     let deaf = TcpListener::bind("127.0.0.1:0").unwrap();
     let host = deaf.local_addr().unwrap().to_string();
     let identity = Identity { recording: "test".into(), name: "test".into(), unix_zero_us: None };
-    let mut viewer = slamd::viewer::Viewer::new(identity, false);
+    let mut viewer = slamd_viewer::Viewer::new(identity, false);
     viewer.connect(&format!("rerun+http://{host}/proxy"), &host);
     let mut capture = CaptureReader::open(&capture()).unwrap();
     let config = Config::from_toml(&capture.info().config_toml).unwrap();
-    let mut session = Session::new(config, folder.path()).unwrap();
+    let mut session =
+        Session::new(slamd_paper::pipeline(&config, slamd_core::pipeline::Start::Fresh).unwrap(), folder.path())
+            .unwrap();
     viewer.watch(&mut session);
     replay(&mut capture, &mut session, |_| ()).unwrap();
     assert_eq!(session.finish().unwrap().0.sweeps, 2_396);

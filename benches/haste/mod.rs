@@ -2,8 +2,8 @@
 
 #![allow(unreachable_pub, reason = "a module of benches")]
 
-use slamd::capture::Record;
-use slamd::time::Timestamp;
+use slamd_capture::Record;
+use slamd_core::time::Timestamp;
 use slamd_protocol::{FrameDecoder, FrameEncoder, Message};
 
 /// Halves all times of a capture, the host's and the board's: 20 sweeps a second instead of 10.

@@ -6,17 +6,17 @@
 
 #![allow(unreachable_pub, reason = "a module of a bench")]
 
-use slamd::config::Config;
-use slamd::event::{Event, Input, Output};
-use slamd::geometry::{Point, Pose2, Ring, wrap_angle};
-use slamd::pipeline::Pipeline;
-use slamd::sim::board::Board;
-use slamd::sim::fault::Reading;
-use slamd::sim::floor_plan::box_faces;
-use slamd::sim::random::{Random, Stream};
-use slamd::sim::sonar::{BeamShape, reading};
-use slamd::sim::world::World;
-use slamd::time::Timestamp;
+use slamd_core::config::Config;
+use slamd_core::event::{Event, Input, Output};
+use slamd_core::geometry::{Point, Pose2, Ring, wrap_angle};
+use slamd_core::pipeline::Pipeline;
+use slamd_core::time::Timestamp;
+use slamd_sim::board::Board;
+use slamd_sim::fault::Reading;
+use slamd_sim::floor_plan::box_faces;
+use slamd_sim::random::{Random, Stream};
+use slamd_sim::sonar::{BeamShape, reading};
+use slamd_sim::world::World;
 use std::f64::consts::TAU;
 
 /// A building: `lines` corridors each way, `pitch_m` apart.
@@ -92,7 +92,14 @@ impl Drive {
         let lap = lap(plan, &ring, config.robot.wheel_base_m, hours);
         let board = Board::new(ring, 0.0, Random::new(1, Stream::Board));
         let metres_per_tick = TAU * config.robot.wheel_radius_m / TICKS_PER_TURN;
-        Self { board, lap, slot: 0, metres_per_tick, pipeline: Pipeline::new(&config) }
+        Self {
+            board,
+            lap,
+            slot: 0,
+            metres_per_tick,
+            pipeline: slamd_paper::pipeline(&config, slamd_core::pipeline::Start::Fresh)
+                .expect("a fresh start holds nothing that could be refused"),
+        }
     }
 
     /// How long a lap takes, hours.

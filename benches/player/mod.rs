@@ -4,9 +4,9 @@
 
 use crate::haste::Haste;
 use crate::mock_port::{Terminal, simulation};
-use slamd::capture::Record;
-use slamd::sim::link::LinkFaults;
-use slamd::time::Timestamp;
+use slamd_capture::Record;
+use slamd_core::time::Timestamp;
+use slamd_sim::link::LinkFaults;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 

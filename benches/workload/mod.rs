@@ -2,23 +2,23 @@
 
 #![allow(dead_code, unreachable_pub, reason = "each bench associations its part")]
 
-use slamd::align::Aligner;
-use slamd::align::track::Wheels;
-use slamd::capture::{CaptureReader, Record};
-use slamd::config::{Config, Method};
-use slamd::event::{Estimate, Event, Input, Output};
-use slamd::fault::detector::Detector;
-use slamd::fault::pca::PcaBlock;
-use slamd::geometry::Ring;
-use slamd::mapping::cone::{self, ReturnKind};
-use slamd::mapping::grid::OccupancyGrid;
-use slamd::orientation::dominant_directions::DominantDirections;
-use slamd::pipeline::Pipeline;
-use slamd::position::ekf_slam::EkfSlam;
-use slamd::publish::Outputs;
-use slamd::sweep::Sweep;
-use slamd::time::Timestamp;
+use slamd_capture::{CaptureReader, Record};
+use slamd_core::align::Aligner;
+use slamd_core::align::track::Wheels;
+use slamd_core::config::{Config, Method};
+use slamd_core::event::{Estimate, Event, Input, Output};
+use slamd_core::fault::detector::Detector;
+use slamd_core::fault::pca::PcaBlock;
+use slamd_core::geometry::Ring;
+use slamd_core::mapping::cone::{self, ReturnKind};
+use slamd_core::mapping::grid::OccupancyGrid;
+use slamd_core::orientation::dominant_directions::DominantDirections;
+use slamd_core::pipeline::Pipeline;
+use slamd_core::position::ekf_slam::EkfSlam;
+use slamd_core::sweep::Sweep;
+use slamd_core::time::Timestamp;
 use slamd_protocol::{FrameDecoder, Message};
+use slamd_publish::Outputs;
 use std::path::{Path, PathBuf};
 
 /// The committed captures.
@@ -52,7 +52,8 @@ impl Drive {
         let mut config = Config::from_toml(&reader.info().config_toml).expect("its configuration");
         config.method = method;
         let records: Vec<Record> = reader.by_ref().map(|record| record.expect("it is whole")).collect();
-        let mut pipeline = Pipeline::new(&config);
+        let mut pipeline = slamd_paper::pipeline(&config, slamd_core::pipeline::Start::Fresh)
+            .expect("a fresh start holds nothing that could be refused");
         pipeline.keep_sweeps();
         let mut events = Vec::new();
         run(&mut pipeline, &records, |output| {
@@ -193,7 +194,8 @@ impl Drive {
 
     /// All of it but the files.
     pub fn pipeline(&self) -> u64 {
-        let mut pipeline = Pipeline::new(&self.config);
+        let mut pipeline = slamd_paper::pipeline(&self.config, slamd_core::pipeline::Start::Fresh)
+            .expect("a fresh start holds nothing that could be refused");
         run(&mut pipeline, &self.records, drop);
         pipeline.counters().sweeps
     }

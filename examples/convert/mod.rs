@@ -1,8 +1,8 @@
 //! The formats of public recordings, each written as the ring CSV.
 
-use slamd::config::Config;
-use slamd::geometry::Pose2;
-use slamd::import::WheelTicks;
+use slamd_core::config::Config;
+use slamd_core::geometry::Pose2;
+use slamd_eval::import::WheelTicks;
 use std::error::Error;
 use std::io::Write;
 

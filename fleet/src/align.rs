@@ -3,17 +3,17 @@
 //! 1. **Orientation by Hough transform.** The solid cells of either map vote for lines; their directions, folded by 90 degrees, give the axis of the
 //!    building in each. That leaves four turns.
 //! 2. **Place by correlation.** Under each of the four turns the map is laid onto the others at every cell, by branch and bound
-//!    ([`slamd::localize::search`]): what is solid on what is solid counts for a place, solid on surely free floor against it.
+//!    ([`slamd_core::localize::search`]): what is solid on what is solid counts for a place, solid on surely free floor against it.
 //! 3. **Believed or not.** The score of the best place is 1 for a perfect fit and 0 where nothing that is known is touched; the second best's, elsewhere,
 //!    must stay behind by a margin. And the other way round, the others' map laid onto this one, must come to the same place. Otherwise the robot stays
 //!    out, and that is said.
 
 use crate::merge::{Merged, Placement};
 use crate::wire::{Grid, WireError};
-use slamd::geometry::{Point, Pose2, wrap_angle};
-use slamd::localize::search::Searcher;
-use slamd::mapping::raster::Raster;
-use slamd::orientation::hough::HoughLines;
+use slamd_core::geometry::{Point, Pose2, wrap_angle};
+use slamd_core::localize::search::Searcher;
+use slamd_core::mapping::raster::Raster;
+use slamd_paper::hough::HoughLines;
 use std::f64::consts::TAU;
 
 /// A place that is believed.

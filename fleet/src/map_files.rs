@@ -2,7 +2,7 @@
 
 use crate::site::Site;
 use sha2::{Digest as _, Sha256};
-use slamd::publish::{PublishError, grey_png, write_file, write_map};
+use slamd_publish::{WriteError, grey_png, write_file, write_map};
 use std::io;
 use std::path::Path;
 
@@ -10,9 +10,9 @@ use std::path::Path;
 ///
 /// # Errors
 /// Where a file cannot be written, or the robots' maps lie too far from each other for one picture.
-pub fn write(folder: &Path, site: &Site) -> Result<String, PublishError> {
+pub fn write(folder: &Path, site: &Site) -> Result<String, WriteError> {
     let sums = site.merged.encode();
-    let failure = |text: String| PublishError { path: folder.join("merged.pgm"), source: io::Error::other(text) };
+    let failure = |text: String| WriteError { path: folder.join("merged.pgm"), source: io::Error::other(text) };
     let raster = site.merged.raster().map_err(|error| failure(error.to_string()))?;
     write_file(folder, "merged.map", &sums)?;
     write_map(folder, "merged", &raster)?;

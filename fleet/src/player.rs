@@ -4,13 +4,13 @@
 
 use crate::session::SessionId;
 use crate::wire::{Grid, Pose, Range, Sweep, VERSION};
-use slamd::capture::{CaptureError, CaptureReader, Record};
-use slamd::config::{Config, ConfigError};
-use slamd::event::{Event, Input, Output};
-use slamd::geometry::Pose2;
-use slamd::pipeline::Pipeline;
-use slamd::source::clock::SessionClock;
-use slamd::time::Timestamp;
+use slamd_capture::{CaptureError, CaptureReader, Record};
+use slamd_core::config::{Config, ConfigError};
+use slamd_core::event::{Event, Input, Output};
+use slamd_core::geometry::Pose2;
+use slamd_core::pipeline::Pipeline;
+use slamd_core::session_clock::SessionClock;
+use slamd_core::time::Timestamp;
 use std::io::Read;
 use std::path::Path;
 
@@ -58,7 +58,7 @@ impl<R: Read> Player<R> {
     pub fn begin(file: R, path: &Path) -> Result<Self, PlayError> {
         let mut capture = CaptureReader::begin(file, path)?;
         let first = capture.next().ok_or(PlayError::Empty)??;
-        let mut pipeline = Pipeline::new(&Config::from_toml(&capture.info().config_toml)?);
+        let mut pipeline = slamd_paper::pipeline(&Config::from_toml(&capture.info().config_toml)?, slamd_core::pipeline::Start::Fresh).expect("a fresh start holds nothing that could be refused");
         pipeline.keep_sweeps();
         Ok(Self {
             session: SessionId::of(capture.info(), &first),

@@ -1,6 +1,6 @@
 //! Files with passwords: read only where nobody else can.
 
-use slamd::private;
+use slamd_files::private;
 use std::path::{Path, PathBuf};
 
 /// A file of passwords that cannot be used.

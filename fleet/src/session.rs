@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
-use slamd::capture::{CaptureInfo, Record};
+use slamd_capture::{CaptureInfo, Record};
 use std::fmt;
 use std::str::FromStr;
 
@@ -70,7 +70,7 @@ impl From<SessionId> for String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slamd::time::Timestamp;
+    use slamd_core::time::Timestamp;
 
     #[test]
     fn later_captures_are_greater_and_names_read_back() {

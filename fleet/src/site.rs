@@ -2,12 +2,12 @@
 //!
 //! A function of the fleet file and the maps, with no memory: hub and offline union come to the same, bit for bit.
 
-use crate::align::{Alignment, align};
+use slamd_core::align::{Alignment, align};
 use crate::fleet_file::FleetFile;
 use crate::merge::{Merged, Newest, Placement};
 use crate::name::Name;
 use crate::wire::Grid;
-use slamd::geometry::{Pose2, nearest_quarter};
+use slamd_core::geometry::{Pose2, nearest_quarter};
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_2;
 use std::fmt;

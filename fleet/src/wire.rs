@@ -5,9 +5,9 @@
 use crate::session::SessionId;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use slamd::geometry::Pose2;
-use slamd::mapping::grid::{OccupancyGrid, Patch};
-use slamd::saved_state::{MapState, TileState};
+use slamd_core::geometry::Pose2;
+use slamd_core::mapping::grid::{OccupancyGrid, Patch};
+use slamd_core::saved_state::{MapState, TileState};
 
 /// The version of all that is below.
 pub const VERSION: u8 = 1;

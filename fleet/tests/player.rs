@@ -5,9 +5,9 @@
 mod drives;
 
 use drives::{Drive, play};
-use slamd::capture::CaptureReader;
-use slamd::config::Config;
-use slamd::publish::write_map;
+use slamd_capture::CaptureReader;
+use slamd_core::config::Config;
+use slamd_publish::write_map;
 use slamd::source::replay::replay;
 use slamd::source::session::Session;
 use slamd_fleet::player::{Player, Report};
@@ -17,7 +17,7 @@ use std::path::Path;
 fn slamds_own(path: &Path, out: &Path) -> Vec<u8> {
     let mut capture = CaptureReader::open(path).unwrap();
     let config = Config::from_toml(&capture.info().config_toml).unwrap();
-    let mut session = Session::new(config, out).unwrap();
+    let mut session = Session::new(slamd_paper::pipeline(&config, slamd_core::pipeline::Start::Fresh).unwrap(), out).unwrap();
     replay(&mut capture, &mut session, |_| ()).unwrap();
     session.finish().unwrap();
     std::fs::read(out.join("map.pgm")).unwrap()

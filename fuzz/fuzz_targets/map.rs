@@ -5,7 +5,7 @@
 mod fuzzing;
 
 use fuzzing::Corpus;
-use slamd::saved_state::SavedState;
+use slamd_core::saved_state::SavedState;
 use std::sync::LazyLock;
 
 static SESSION: LazyLock<SavedState> = LazyLock::new(|| Corpus::new().saved_state());

@@ -5,10 +5,10 @@ use super::report::Report;
 use super::request::{LONGEST_LINE, Request, RequestError, Watch, parse};
 use super::snapshot::Snapshot;
 use super::token::Token;
-use crate::event::{FaultEvent, SensorState};
-use crate::link::LinkState;
-use crate::time::Timestamp;
 use bytes::Bytes;
+use slamd_core::event::{FaultEvent, SensorState};
+use slamd_core::link::LinkState;
+use slamd_core::time::Timestamp;
 use std::time::Duration;
 
 /// Why a client is dropped.

@@ -1,8 +1,8 @@
 //! From the pipeline's thread to another: one place, where the newest wins.
 
 use super::snapshot::Snapshot;
-use crate::mapping::raster::Raster;
-use crate::time::Timestamp;
+use slamd_core::mapping::raster::Raster;
+use slamd_core::time::Timestamp;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 use tokio::sync::Notify;

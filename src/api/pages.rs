@@ -5,7 +5,7 @@ use super::metrics::page;
 use super::server::{Counted, ServerState};
 use super::snapshot::Snapshot;
 use super::token::Token;
-use crate::link::LinkState;
+use slamd_core::link::LinkState;
 use std::io;
 use std::rc::Rc;
 use std::sync::Arc;

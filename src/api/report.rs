@@ -3,15 +3,15 @@
 
 use super::request::Watch;
 use super::snapshot::Snapshot;
-use crate::event::{Counters, FaultEvent, SensorState, Verdict};
-use crate::geometry::Mounting;
-use crate::mapping::raster::Raster;
-use crate::publish::grey_png;
-use crate::time::Timestamp;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use bytes::Bytes;
 use serde::Serialize;
+use slamd_core::event::{Counters, FaultEvent, SensorState, Verdict};
+use slamd_core::geometry::Mounting;
+use slamd_core::mapping::raster::Raster;
+use slamd_core::time::Timestamp;
+use slamd_publish::grey_png;
 
 /// Version of the lines: another major version means other fields, another minor one means more of them.
 pub const MAJOR: u32 = 1;

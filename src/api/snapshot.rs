@@ -1,9 +1,9 @@
 //! One moment of a session, as it is handed to the server.
 
-use crate::event::{Counters, Estimate, FaultEvent, SensorState, Verdict};
-use crate::geometry::Ring;
-use crate::link::LinkState;
-use crate::time::Timestamp;
+use slamd_core::event::{Counters, Estimate, FaultEvent, SensorState, Verdict};
+use slamd_core::geometry::Ring;
+use slamd_core::link::LinkState;
+use slamd_core::time::Timestamp;
 
 /// One moment of a session. Filled in place, again and again.
 #[derive(Clone, Debug, Default)]

@@ -2,9 +2,9 @@
 
 use super::mailbox::{Mailbox, Slot};
 use super::snapshot::Snapshot;
-use crate::link::{Link, LinkState};
-use crate::pipeline::Pipeline;
 use crate::source::session::Session;
+use slamd_core::link::{Link, LinkState};
+use slamd_core::pipeline::Pipeline;
 use std::sync::Arc;
 
 /// Looks at a session between its steps.

@@ -2,13 +2,13 @@
 
 use super::mailbox::Mailbox;
 use super::{Client, End, Report, Snapshot, Tap, Token};
-use crate::event::{Estimate, FaultEvent, FaultKind, SensorState};
-use crate::geometry::Pose2;
-use crate::link::Link;
-use crate::time::Timestamp;
 use bytes::Bytes;
 use nalgebra::Matrix3;
 use serde_json::Value;
+use slamd_core::event::{Estimate, FaultEvent, FaultKind, SensorState};
+use slamd_core::geometry::Pose2;
+use slamd_core::link::Link;
+use slamd_core::time::Timestamp;
 use std::sync::Arc;
 
 fn at(ms: u64) -> Timestamp {

@@ -1,7 +1,7 @@
 //! The word that lets a client in.
 
-use crate::private;
 use sha2::{Digest as _, Sha256};
+use slamd_files::private;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use subtle::ConstantTimeEq as _;

@@ -1,13 +1,13 @@
 //! A drive, mapped: every sweep with its pose, and the walls.
 
-use crate::capture::Record;
-use crate::config::Config;
-use crate::event::{Calibration, Event, Input, Output, SensorState};
-use crate::geometry::Pose2;
-use crate::metrics::{Accuracy, AccuracyMeter};
-use crate::pipeline::Pipeline;
-use crate::saved_state::LandmarkState;
-use crate::sweep::Sweep;
+use slamd_capture::Record;
+use slamd_core::config::Config;
+use slamd_core::event::{Calibration, Event, Input, Output, SensorState};
+use slamd_core::geometry::Pose2;
+use slamd_core::pipeline::Pipeline;
+use slamd_core::saved_state::LandmarkState;
+use slamd_core::sweep::Sweep;
+use slamd_metrics::{Accuracy, AccuracyMeter};
 use std::collections::VecDeque;
 
 /// A drive as the walls method has mapped it.
@@ -41,7 +41,8 @@ impl Mapper {
     /// A mapper that has heard nothing yet.
     #[must_use]
     pub fn new(config: &Config) -> Self {
-        let mut pipeline = Pipeline::new(config);
+        let mut pipeline = slamd_paper::pipeline(config, slamd_core::pipeline::Start::Fresh)
+            .expect("a fresh start holds nothing that could be refused");
         pipeline.keep_sweeps();
         Self { pipeline, meter: AccuracyMeter::default(), waiting: VecDeque::new(), steps: Vec::new() }
     }

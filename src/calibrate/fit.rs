@@ -2,10 +2,10 @@
 
 use super::Estimated;
 use super::drive::Drive;
-use crate::event::SensorState;
-use crate::position::beam_model::observe_wall;
-use crate::saved_state::LandmarkState;
 use nalgebra::{Matrix3, Vector3};
+use slamd_core::event::SensorState;
+use slamd_core::position::beam_model::observe_wall;
+use slamd_core::saved_state::LandmarkState;
 
 /// What is sought: range bias, bearing offset, error of the half angle.
 const UNKNOWNS: usize = 3;

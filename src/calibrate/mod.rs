@@ -5,7 +5,7 @@
 //! `measured − expected = b cos(eps) + a r sin(eps) s − h r sin(eps)`
 //!
 //! b is the range bias, a the bearing offset, h an error of the cone's half angle, eps how far the wall's normal lies outside the
-//! cone on its side s = ±1 ([`crate::position::beam_model`]). Least squares with Cauchy's weights find b, a and h per sensor. With the
+//! cone on its side s = ±1 ([`slamd_core::position::beam_model`]). Least squares with Cauchy's weights find b, a and h per sensor. With the
 //! corrections the drive is mapped anew, and what is left is estimated again ([`PASSES`] times), because a map drawn by
 //! wrong sensors is a little wrong itself.
 //!
@@ -19,11 +19,11 @@
 pub mod drive;
 mod fit;
 
-use crate::config::{Config, CorrectionConfig};
-use crate::event::Calibration;
-use crate::metrics::Accuracy;
 use drive::Drive;
 use nalgebra::{Matrix3, Vector3};
+use slamd_core::config::{Config, CorrectionConfig};
+use slamd_core::event::Calibration;
+use slamd_metrics::Accuracy;
 
 /// How often the drive is mapped and fitted; once more it is mapped to see what has been gained.
 pub const PASSES: usize = 3;

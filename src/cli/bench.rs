@@ -1,12 +1,12 @@
 //! `slamd bench`
 
 use super::{Failure, Kind, MethodArg, terminal};
-use crate::bench::case::{Case, Choice, Table};
-use crate::bench::fleet::drive_all;
-use crate::bench::{paper, report, table};
-use crate::config::Method;
 use clap::{Args, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
+use slamd_core::config::Method;
+use slamd_eval::bench::case::{Case, Choice, Table};
+use slamd_eval::bench::fleet::drive_all;
+use slamd_eval::bench::{paper, report, table};
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]

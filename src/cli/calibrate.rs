@@ -4,9 +4,9 @@ use super::state_args::write_robot;
 use super::{Failure, Kind, terminal};
 use crate::calibrate::drive::{Drive, Mapper};
 use crate::calibrate::{CalibrateError, Estimated, PASSES, Report, calibrate};
-use crate::capture::CaptureReader;
-use crate::config::{Config, Method};
 use clap::Args;
+use slamd_capture::CaptureReader;
+use slamd_core::config::{Config, Method};
 use std::path::PathBuf;
 
 /// Learn a robot's wheels and sensors from a drive.

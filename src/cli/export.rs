@@ -3,12 +3,13 @@
 use super::replay::open;
 use super::state_args::StateArgs;
 use super::{Failure, HowArgs, Kind, terminal};
-use crate::event::Event;
-use crate::publish::{PoseTable, Trajectory};
-use crate::ros2::{Bag, BagError};
 use crate::source::replay::step;
-use crate::source::session::{Session, Update};
+use crate::source::session::Session;
 use clap::{ArgGroup, Args};
+use slamd_core::driver::Update;
+use slamd_core::event::Event;
+use slamd_export::{Bag, BagError};
+use slamd_publish::{PoseTable, Trajectory};
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -105,7 +106,7 @@ impl ExportArgs {
 
     fn finish(&self, exports: Exports, session: &Session) -> Result<(), Failure> {
         if let Some((path, bag)) = self.mcap.as_deref().zip(exports.bag) {
-            let (messages, topics) = bag.finish(session)?;
+            let (messages, topics) = bag.finish(session.now(), session.pipeline())?;
             terminal::say(format_args!("ROS 2 bag: {}, {messages} messages on {topics} topics", path.display()));
         }
         if let Some((path, table)) = self.csv.as_deref().zip(exports.table) {
@@ -125,7 +126,7 @@ impl Exports {
     fn take(&mut self, session: &mut Session, events: &[Event]) -> Result<(), Failure> {
         let sweeps = session.take_sweeps();
         if let Some(bag) = &mut self.bag {
-            bag.take(session, events, &sweeps)?;
+            bag.take(session.now(), session.pipeline(), events, &sweeps)?;
         }
         for event in events {
             let Event::Estimate(estimate) = event else { continue };

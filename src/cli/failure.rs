@@ -1,9 +1,9 @@
 //! Why a command failed, and the exit code that says so (sysexits.h).
 
-use crate::capture::CaptureError;
 use crate::daemon::DaemonError;
-use crate::publish::PublishError;
 use crate::source::replay::ReplayError;
+use slamd_capture::CaptureError;
+use slamd_publish::WriteError;
 
 /// The kinds of failure, numbered as in sysexits.h.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,8 +46,8 @@ impl Failure {
     }
 }
 
-impl From<PublishError> for Failure {
-    fn from(error: PublishError) -> Self {
+impl From<WriteError> for Failure {
+    fn from(error: WriteError) -> Self {
         Self::new(Kind::CantCreate, format!("{error}; choose a folder that can be written with --out"))
     }
 }

@@ -1,9 +1,9 @@
 //! `slamd import`: turns a recording into a capture.
 
 use super::{Failure, Kind, config};
-use crate::capture::CaptureError;
-use crate::import::{ImportError, carmen, ring};
 use clap::{Args, Subcommand};
+use slamd_capture::CaptureError;
+use slamd_eval::import::{ImportError, carmen, ring};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader};
 use std::path::{Path, PathBuf};

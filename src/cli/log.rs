@@ -58,8 +58,8 @@ const LAST_WORDS: &str = "slamd_end";
 
 /// What takes the log to the viewers, if this build has any.
 #[cfg(feature = "viewer")]
-pub(super) const fn for_viewers() -> crate::viewer::LogLayer {
-    crate::viewer::LogLayer
+pub(super) const fn for_viewers() -> slamd_viewer::LogLayer {
+    slamd_viewer::LogLayer
 }
 
 #[cfg(not(feature = "viewer"))]

@@ -1,9 +1,9 @@
 //! `--record` and what goes with it.
 
 use super::{Failure, Kind};
-use crate::capture::CaptureInfo;
 use crate::recorder::{Folder, Plan, Recorder};
 use clap::Args;
+use slamd_capture::CaptureInfo;
 use std::path::PathBuf;
 use std::time::Duration;
 

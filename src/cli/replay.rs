@@ -3,11 +3,11 @@
 use super::replay_folder::replay_folder;
 use super::state_args::StateArgs;
 use super::{Failure, HowArgs, Kind, OutputArgs, terminal};
-use crate::capture::CaptureReader;
-use crate::metrics::TrueFault;
 use crate::source::replay::replay;
 use crate::source::session::Session;
 use clap::Args;
+use slamd_capture::CaptureReader;
+use slamd_metrics::TrueFault;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]

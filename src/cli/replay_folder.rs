@@ -3,8 +3,8 @@
 use super::replay::open;
 use super::terminal::{progress_over, say};
 use super::{Failure, Kind, OutputArgs};
-use crate::publish::Summary;
 use crate::source::replay::replay;
+use slamd_publish::Summary;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};

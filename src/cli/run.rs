@@ -3,19 +3,19 @@
 use super::state_args::StateArgs;
 use super::{Failure, Kind, OutputArgs, terminal};
 use crate::api::Tap;
-use crate::capture::CaptureInfo;
-use crate::config::Config;
 use crate::daemon::{self, Live, Observer, Options, SessionClock, Shutdown};
-use crate::event::FaultEvent;
-use crate::link::Link;
 use crate::port::PortName;
 use crate::priority;
-use crate::publish::Summary;
 use crate::recorder::{Losses, Recorder};
 use crate::service::Service;
 use crate::source::session::Session;
-use crate::time::Timestamp;
 use clap::Args;
+use slamd_capture::CaptureInfo;
+use slamd_core::config::Config;
+use slamd_core::event::FaultEvent;
+use slamd_core::link::Link;
+use slamd_core::time::Timestamp;
+use slamd_publish::Summary;
 use std::time::Duration;
 use tokio::runtime::Runtime;
 

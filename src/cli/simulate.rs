@@ -1,16 +1,16 @@
 //! `slamd simulate`
 
 use super::{Failure, Kind, terminal};
-use crate::capture::{CaptureInfo, CaptureWriter, Record};
-use crate::config::Config;
-use crate::sim::encoder::EncoderFault;
-use crate::sim::fault::{FaultMix, SensorFault};
-use crate::sim::link::LinkFaults;
-use crate::sim::simulation::{SimConfig, Simulation, session};
-use crate::sim::sonar::BeamShape;
-use crate::sim::world::World;
 use crate::source::pty;
 use clap::{ArgGroup, Args};
+use slamd_capture::{CaptureInfo, CaptureWriter, Record};
+use slamd_core::config::Config;
+use slamd_sim::encoder::EncoderFault;
+use slamd_sim::fault::{FaultMix, SensorFault};
+use slamd_sim::link::LinkFaults;
+use slamd_sim::simulation::{SimConfig, Simulation, session};
+use slamd_sim::sonar::BeamShape;
+use slamd_sim::world::World;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]

@@ -1,12 +1,12 @@
 //! What a run begins with and what it leaves for the next one; the same for a robot and for a replay.
 
 use super::{Failure, Kind};
-use crate::config::{Config, Method};
-use crate::pipeline::Start;
-use crate::saved_state::SavedState;
 use crate::session_file::{self, FileError, Saver};
 use crate::source::session::Session;
 use clap::Args;
+use slamd_core::config::{Config, Method};
+use slamd_core::pipeline::Start;
+use slamd_core::saved_state::SavedState;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -44,12 +44,15 @@ impl StateArgs {
         }
         let load = |path: &Path| -> Result<Box<SavedState>, Failure> { Ok(Box::new(session_file::read(path)?)) };
         let (start, path) = match (self.resumed()?, &self.localize) {
-            (Some(path), _) => (Start::Resume(load(path)?), path),
-            (None, Some(path)) => (Start::Localize(load(path)?), path),
-            (None, None) => return Ok(Session::new(config, folder)?),
+            (Some(path), _) => (Start::Resume(load(path)?), Some(path)),
+            (None, Some(path)) => (Start::Localize(load(path)?), Some(path)),
+            (None, None) => (Start::Fresh, None),
         };
-        let session = Session::new(config, folder)?.begin_with(start);
-        session.map_err(|error| Failure::new(Kind::Data, format!("{}: {error}", path.display())))
+        let pipeline = slamd_paper::pipeline(&config, start).map_err(|error| {
+            let file = path.map_or_else(String::new, |path| format!("{}: ", path.display()));
+            Failure::new(Kind::Data, format!("{file}{error}"))
+        })?;
+        Ok(Session::new(pipeline, folder)?)
     }
 
     /// Saves the session while a robot is listened to, if wanted.

@@ -2,8 +2,8 @@
 
 use super::{Failure, Kind};
 use crate::source::session::Session;
-use crate::viewer::{Choice, HERE, Identity, Installed, Viewer, has_display};
 use clap::Args;
+use slamd_viewer::{Choice, HERE, Identity, Installed, Viewer, has_display};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// Watching a robot.

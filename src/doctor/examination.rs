@@ -5,12 +5,12 @@ use super::finding::{Finding, Level, Report};
 use super::line::LineEvidence;
 use super::sensors::SensorEvidence;
 use super::wheels::WheelEvidence;
-use crate::config::Config;
-use crate::event::{Event, FaultKind, Input, Output, SensorState};
-use crate::link::{Link, Reception, Remedy};
-use crate::pipeline::Pipeline;
-use crate::time::Timestamp;
 use bytes::Bytes;
+use slamd_core::config::Config;
+use slamd_core::event::{Event, FaultKind, Input, Output, SensorState};
+use slamd_core::link::{Link, Reception, Remedy};
+use slamd_core::pipeline::Pipeline;
+use slamd_core::time::Timestamp;
 use slamd_protocol::{DELIMITER, FrameDecoder, Message, Setting};
 
 /// A board under examination: fed as a session is, asked for its findings at the end.
@@ -33,7 +33,8 @@ impl Examination {
     /// An examination of a board whose port has just been opened at `baud`.
     #[must_use]
     pub fn new(config: &Config, baud: u32, port: &str) -> Self {
-        let pipeline = Pipeline::new(config);
+        let pipeline = slamd_paper::pipeline(config, slamd_core::pipeline::Start::Fresh)
+            .expect("a fresh start holds nothing that could be refused");
         let mut link = Link::new(baud);
         link.opened(Timestamp::default(), port, &reception(&pipeline));
         Self {

@@ -1,8 +1,8 @@
 //! The sensors: which answer, which hear, which always say the same.
 
 use super::finding::{Finding, Level};
-use crate::geometry::Ring;
 use serde::Serialize;
+use slamd_core::geometry::Ring;
 use slamd_protocol::{Echo, Sonar, Status};
 use std::f64::consts::TAU;
 

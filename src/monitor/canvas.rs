@@ -2,10 +2,10 @@
 //!
 //! A terminal's cell is about twice as high as wide, so Braille dots lie on a square lattice; ASCII signs do not.
 
-use crate::geometry::Point;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
+use slamd_core::geometry::Point;
 
 /// What a dot is drawn with.
 #[derive(Clone, Copy, Debug)]

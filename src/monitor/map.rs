@@ -1,13 +1,13 @@
 //! The map, small: walls as dots, known floor as faint points, the robot as an arrow.
 
-use crate::geometry::{Point, Pose2};
-use crate::mapping::raster::Raster;
 use crate::monitor::canvas::{Canvas, Pen};
 use crate::monitor::snapshot::Snapshot;
 use crate::monitor::view::{Look, View};
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier, Style};
+use slamd_core::geometry::{Point, Pose2};
+use slamd_core::mapping::raster::Raster;
 use std::f64::consts::{FRAC_PI_4, TAU};
 
 /// Cells from this percentage on are walls, up to the other one floor: the thresholds of ROS's `map_server`.

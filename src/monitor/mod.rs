@@ -12,13 +12,12 @@
 mod canvas;
 mod map;
 mod numbers;
-mod rates;
 mod ring;
 mod screen;
 mod snapshot;
 mod view;
 
-pub use rates::{RateMeter, Rates};
 pub use screen::{MIN_HEIGHT, MIN_WIDTH, draw};
+pub use slamd_core::rates::{RateMeter, Rates};
 pub use snapshot::{Beam, BeamState, Line, Plan, Snapshot, Tone};
 pub use view::{Look, View};

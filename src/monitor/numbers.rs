@@ -1,10 +1,10 @@
 //! Rates, pose and wheels in numbers.
 
-use crate::event::{EncoderState, Wheel};
 use crate::monitor::snapshot::{Snapshot, Tone};
 use crate::monitor::view::Look;
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
+use slamd_core::event::{EncoderState, Wheel};
 
 /// Eleven lines of at most 26 characters.
 pub(super) fn lines(snapshot: &Snapshot, look: Look) -> Vec<Line<'static>> {

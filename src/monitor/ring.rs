@@ -1,12 +1,12 @@
 //! The ring from above, the robot's front up: a ray per sensor, as long as its range.
 
-use crate::geometry::{Point, Pose2};
 use crate::monitor::canvas::{Canvas, Pen};
 use crate::monitor::snapshot::{Beam, BeamState, Snapshot};
 use crate::monitor::view::Look;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier};
+use slamd_core::geometry::{Point, Pose2};
 use std::f64::consts::FRAC_PI_2;
 
 /// A ray without a length is drawn this long, as a part of the greatest range.

@@ -1,11 +1,11 @@
 //! What is shown: one moment of a session, small enough to be copied ten times a second.
 
-use crate::event::{Calibration, Counters, EncoderState, Estimate, FaultEvent};
-use crate::geometry::{Point, Pose2};
-use crate::link::LinkState;
-use crate::mapping::raster::Raster;
-use crate::monitor::rates::Rates;
-use crate::time::Timestamp;
+use slamd_core::event::{Calibration, Counters, EncoderState, Estimate, FaultEvent};
+use slamd_core::geometry::{Point, Pose2};
+use slamd_core::link::LinkState;
+use slamd_core::mapping::raster::Raster;
+use slamd_core::rates::Rates;
+use slamd_core::time::Timestamp;
 use std::sync::Arc;
 
 /// One moment of a session.

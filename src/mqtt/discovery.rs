@@ -3,8 +3,8 @@
 //! <https://www.home-assistant.io/integrations/mqtt/#mqtt-discovery>; `tests/mqtt.rs` has the keys that it demands.
 
 use super::names::Names;
-use crate::link::LinkState;
 use serde_json::{Value, json};
+use slamd_core::link::LinkState;
 
 /// No board has more.
 const MAX_SENSORS: usize = 32;

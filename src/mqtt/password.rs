@@ -1,6 +1,6 @@
 //! The broker's password: read from a file, shown nowhere.
 
-use crate::private;
+use slamd_files::private;
 use std::fmt;
 use std::path::{Path, PathBuf};
 

@@ -2,8 +2,8 @@
 
 use super::names::Names;
 use crate::api::Snapshot;
-use crate::event::{FaultEvent, SensorState};
 use serde_json::json;
+use slamd_core::event::{FaultEvent, SensorState};
 
 /// Topic and payload of all that is known at this snapshot, the map apart.
 pub(super) fn snapshot(names: &Names, snapshot: &Snapshot) -> Vec<(String, String)> {
@@ -52,10 +52,10 @@ fn rounded(value: f64, parts: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::{Estimate, FaultKind};
-    use crate::geometry::{Pose2, Ring};
-    use crate::time::Timestamp;
     use nalgebra::Matrix3;
+    use slamd_core::event::{Estimate, FaultKind};
+    use slamd_core::geometry::{Pose2, Ring};
+    use slamd_core::time::Timestamp;
 
     #[test]
     fn what_is_not_known_is_not_said_and_the_rest_in_plain_words() {

@@ -1,6 +1,6 @@
 //! Where the parts of a recording are written.
 
-use crate::private;
+use slamd_files::private;
 use std::fs::File;
 use std::io::{self, Write};
 use std::os::unix::fs::FileExt as _;

@@ -12,9 +12,9 @@ mod tape;
 pub use disk::{Disk, Folder};
 pub use tape::{Losses, Plan, Tape};
 
-use crate::capture::{CaptureError, CaptureInfo};
-use crate::time::Timestamp;
 use bytes::Bytes;
+use slamd_capture::{CaptureError, CaptureInfo};
+use slamd_core::time::Timestamp;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};

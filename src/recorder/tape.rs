@@ -6,8 +6,8 @@
 //! beginning on, with a gap where the disk failed for longer than the bound lasts.
 
 use super::{Chunk, Disk};
-use crate::capture::{CaptureError, CaptureInfo, CaptureWriter};
-use crate::time::Timestamp;
+use slamd_capture::{CaptureError, CaptureInfo, CaptureWriter};
+use slamd_core::time::Timestamp;
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind, Write};
 use std::sync::{Arc, Mutex, PoisonError};

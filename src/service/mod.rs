@@ -10,9 +10,9 @@ mod status;
 
 pub use feeder::Feeder;
 
-use crate::link::Link;
 use crate::source::session::Session;
-use crate::time::Timestamp;
+use slamd_core::link::Link;
+use slamd_core::time::Timestamp;
 use socket::Socket;
 use status::write_status;
 use std::time::{Duration, Instant};

@@ -1,7 +1,7 @@
 //! How it fares, in a line for `systemctl status`.
 
-use crate::link::{Link, LinkState};
 use crate::source::session::Session;
+use slamd_core::link::{Link, LinkState};
 use std::fmt::Write as _;
 
 /// Appends the line: `streaming, 32 sensors, 3 faulty`, or the line's state and why.

@@ -9,7 +9,7 @@
 //! | 24– | the payload: a [`SavedState`] in [postcard's wire format](https://postcard.jamesmunns.com/wire-format) |
 //!
 //! In that format f64 are eight little-endian bytes, integers varints (signed ones zig-zag), a list is its length and its
-//! elements, a struct its fields in the order of [`crate::saved_state`], an enum the number of its variant. A change of any of these
+//! elements, a struct its fields in the order of [`slamd_core::saved_state`], an enum the number of its variant. A change of any of these
 //! types is a new version. `docs/session-file.md` says it for other programs.
 //!
 //! A file is written beside its name and renamed, so it is the old one or the new one, never half of one. It is refused before
@@ -24,8 +24,8 @@ mod saver;
 
 pub use saver::Saver;
 
-use crate::saved_state::SavedState;
 use crc::{CRC_32_ISO_HDLC, Crc};
+use slamd_core::saved_state::SavedState;
 use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 

@@ -2,8 +2,8 @@
 
 use super::{FileError, write};
 use crate::priority;
-use crate::saved_state::SavedState;
-use crate::time::Timestamp;
+use slamd_core::saved_state::SavedState;
+use slamd_core::time::Timestamp;
 use std::path::PathBuf;
 use std::thread::JoinHandle;
 use std::time::Duration;

@@ -5,11 +5,11 @@
 //! `tests/simulation.rs` has one on a simulated port and a simulated clock.
 
 use super::session::Session;
-use crate::handshake;
-use crate::link::{Link, Remedy};
 use crate::recorder::Chunk;
-use crate::time::Timestamp;
 use bytes::{Buf as _, Bytes};
+use slamd_core::handshake;
+use slamd_core::link::{Link, Remedy};
+use slamd_core::time::Timestamp;
 use std::collections::VecDeque;
 
 /// A session on a line.

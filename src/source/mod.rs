@@ -4,7 +4,6 @@
 #![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
 #![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
 
-pub mod clock;
 pub mod live;
 pub mod pty;
 pub mod replay;

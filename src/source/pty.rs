@@ -1,9 +1,9 @@
 //! The simulated board on a pseudo-terminal, in real time.
 
-use crate::capture::Record;
-use crate::sim::simulation::Simulation;
-use crate::time::Timestamp;
 use serialport::{SerialPort, TTYPort};
+use slamd_capture::Record;
+use slamd_core::time::Timestamp;
+use slamd_sim::simulation::Simulation;
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;

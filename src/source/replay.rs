@@ -1,8 +1,8 @@
 //! A capture as a source: as fast as it goes.
 
 use super::session::Session;
-use crate::capture::{CaptureError, CaptureReader, Record};
-use crate::publish::PublishError;
+use slamd_capture::{CaptureError, CaptureReader, Record};
+use slamd_publish::WriteError;
 
 /// A replay that cannot go on.
 #[derive(Debug, thiserror::Error)]
@@ -12,7 +12,7 @@ pub enum ReplayError {
     Capture(#[from] CaptureError),
     /// An output cannot be written.
     #[error(transparent)]
-    Publish(#[from] PublishError),
+    Publish(#[from] WriteError),
 }
 
 /// Feeds a whole capture to a session, and ends it. `progress` hears of each record's time in seconds.
@@ -33,7 +33,7 @@ pub fn replay(capture: &mut CaptureReader, session: &mut Session, progress: impl
 ///
 /// # Errors
 /// When an output cannot be written.
-pub fn step(session: &mut Session, record: Record) -> Result<(), PublishError> {
+pub fn step(session: &mut Session, record: Record) -> Result<(), WriteError> {
     match record {
         Record::Received { at, bytes } => session.received(at, &bytes),
         Record::Sent { at, bytes } => session.sent(at, &bytes),

@@ -3,50 +3,26 @@
 //! Before any input at time t, every deadline up to t is handled at the deadline's own time. So what the pipeline sees
 //! depends on what was read and written and when, never on when a timer fired: a recording replays bit for bit.
 
-use super::clock::SessionClock;
-use crate::config::Config;
-use crate::event::{
+use bytes::Bytes;
+use slamd_core::config::Config;
+use slamd_core::driver::{Context, Update, Watcher};
+use slamd_core::event::{
     EncoderState, Estimate, Event, FaultEvent, Input, LockChange, LockEvent, Output, PositionEvent, SensorState, Wheel,
 };
-use crate::geometry::{Pose2, Ring};
-use crate::link::Reception;
-use crate::metrics::TrueFault;
-use crate::pipeline::{Pipeline, Start};
-use crate::publish::{FinalState, Outputs, PublishError, Summary};
-use crate::saved_state::{InvalidState, SavedState};
-use crate::sweep::Sweep;
-use crate::time::Timestamp;
-use bytes::Bytes;
+use slamd_core::geometry::{Pose2, Ring};
+use slamd_core::link::Reception;
+use slamd_core::pipeline::Pipeline;
+use slamd_core::saved_state::SavedState;
+use slamd_core::session_clock::SessionClock;
+use slamd_core::sweep::Sweep;
+use slamd_core::time::Timestamp;
+use slamd_metrics::TrueFault;
+use slamd_publish::{FinalState, Outputs, Summary, WriteError};
 use std::path::Path;
 use std::time::Duration;
 
-/// Something that somebody who watches a session gets to see, as it happens.
-#[derive(Clone, Copy, Debug)]
-pub enum Update<'a> {
-    /// An event of the pipeline.
-    Event(&'a Event),
-    /// Where the robot truly was.
-    Truth(Timestamp, Pose2),
-    /// An input has been used up; its events have been shown before.
-    Input,
-}
-
-/// What it happens in.
-pub struct Context<'a> {
-    /// The pipeline after the input that caused it.
-    pub pipeline: &'a Pipeline,
-    /// Session time.
-    pub now: Timestamp,
-    /// How long the pipeline took for that input.
-    pub took: Duration,
-}
-
-/// Sees all that happens in a session, and must not wait.
-pub type Watcher = Box<dyn FnMut(&Context<'_>, Update<'_>)>;
-
 /// A pipeline and where its events go.
 pub struct Session {
-    config: Config,
     pipeline: Pipeline,
     outputs: Outputs,
     transmit: Vec<Bytes>,
@@ -66,11 +42,9 @@ impl Session {
     ///
     /// # Errors
     /// When the folder or a file in it cannot be created.
-    pub fn new(config: Config, folder: &Path) -> Result<Self, PublishError> {
-        let pipeline = Pipeline::new(&config);
+    pub fn new(pipeline: Pipeline, folder: &Path) -> Result<Self, WriteError> {
         let outputs = Outputs::create(folder)?;
         Ok(Self {
-            config,
             pipeline,
             outputs,
             transmit: Vec::new(),
@@ -99,15 +73,6 @@ impl Session {
         self.pipeline.take_sweeps()
     }
 
-    /// The same session, beginning with what another has remembered.
-    ///
-    /// # Errors
-    /// Where the memory holds what cannot be, or the configured method cannot use it.
-    pub fn begin_with(mut self, start: Start) -> Result<Self, InvalidState> {
-        self.pipeline = Pipeline::begin(&self.config, start)?;
-        Ok(self)
-    }
-
     /// Everything worth remembering; none before there is something.
     #[must_use]
     pub fn saved_state(&self) -> Option<SavedState> {
@@ -117,7 +82,7 @@ impl Session {
     /// The configuration with the wheels as this session has learnt them; none where the method learns none.
     #[must_use]
     pub fn calibrated(&self) -> Option<Config> {
-        let mut config = self.config.clone();
+        let mut config = self.pipeline.config().clone();
         config.robot.set_wheels(&self.pipeline.calibration()?);
         Some(config)
     }
@@ -161,7 +126,7 @@ impl Session {
     ///
     /// # Errors
     /// When `truth.tum` cannot be created.
-    pub fn truth(&mut self, at: Timestamp, pose: Pose2) -> Result<(), PublishError> {
+    pub fn truth(&mut self, at: Timestamp, pose: Pose2) -> Result<(), WriteError> {
         self.show(Update::Truth(at, pose), Duration::ZERO);
         self.outputs.truth(at, pose)
     }
@@ -242,7 +207,7 @@ impl Session {
     /// The effective configuration.
     #[must_use]
     pub fn config(&self) -> &Config {
-        &self.config
+        self.pipeline.config()
     }
 
     /// The pipeline, to look at.
@@ -255,10 +220,10 @@ impl Session {
     ///
     /// # Errors
     /// When an output cannot be written.
-    pub fn finish(self) -> Result<(Summary, Vec<FaultEvent>), PublishError> {
+    pub fn finish(self) -> Result<(Summary, Vec<FaultEvent>), WriteError> {
         let nowhere = Ring::default();
         let summary = self.outputs.finish(&FinalState {
-            config: &self.config,
+            config: self.pipeline.config(),
             raster: &self.pipeline.raster(),
             ring: self.pipeline.ring().unwrap_or(&nowhere),
             states: self.pipeline.states(),

@@ -2,20 +2,19 @@
 
 #![allow(dead_code, reason = "each user takes what it needs")]
 
-use slamd::capture::Record;
-use slamd::config::Config;
-use slamd::event::{EncoderEvent, Estimate, Event, FaultEvent, Input, LockChange, LockEvent, Output};
-use slamd::geometry::Pose2;
-use slamd::metrics::{Pair, Pairing, building_frame};
-use slamd::pipeline::Pipeline;
-use slamd::sim::encoder::EncoderFault;
-use slamd::sim::fault::{FaultMix, SensorFault};
-use slamd::sim::link::LinkFaults;
-use slamd::sim::simulation::{SimConfig, Simulation, session};
-use slamd::sim::sonar::BeamShape;
-use slamd::sim::world::World;
-use slamd::time::Timestamp;
+use slamd_capture::Record;
+use slamd_core::config::Config;
+use slamd_core::event::{EncoderEvent, Estimate, Event, FaultEvent, Input, LockChange, LockEvent, Output};
+use slamd_core::geometry::Pose2;
+use slamd_core::time::Timestamp;
+use slamd_metrics::{Pair, Pairing, building_frame};
 use slamd_protocol::{FrameDecoder, FrameEncoder, Message};
+use slamd_sim::encoder::EncoderFault;
+use slamd_sim::fault::{FaultMix, SensorFault};
+use slamd_sim::link::LinkFaults;
+use slamd_sim::simulation::{SimConfig, Simulation, session};
+use slamd_sim::sonar::BeamShape;
+use slamd_sim::world::World;
 
 /// What is driven, and what breaks.
 #[derive(Clone, Debug)]
@@ -87,7 +86,7 @@ impl Drive {
 
     /// Drives and estimates.
     pub(crate) fn run(&self) -> Outcome {
-        let mut pipeline = Pipeline::new(&Config::default());
+        let mut pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh).unwrap();
         let (mut pairing, mut pairs) = (Pairing::<Estimate>::default(), Vec::new());
         let mut outcome = Outcome::default();
         let mut slipping = Slipping { decoder: FrameDecoder::new(), encoder: FrameEncoder::new() };

@@ -4,11 +4,11 @@
 
 use super::emulation::Host;
 use super::mock_port::Terminal;
-use slamd::capture::{CaptureReader, CaptureWriter, Record};
-use slamd::geometry::Pose2;
-use slamd::publish::Summary;
 use slamd::source::session::Session;
-use slamd::time::Timestamp;
+use slamd_capture::{CaptureReader, CaptureWriter, Record};
+use slamd_core::geometry::Pose2;
+use slamd_core::time::Timestamp;
+use slamd_publish::Summary;
 use std::path::Path;
 use std::time::{Duration, Instant, SystemTime};
 

@@ -2,12 +2,12 @@
 
 #![allow(unreachable_pub, reason = "a test's module")]
 
-use slamd::geometry::{Pose2, Ring};
-use slamd::sim::explore::Explorer;
-use slamd::sim::random::{Random, Stream};
-use slamd::sim::robot::{Robot, STEP_S, STEP_US, Twist};
-use slamd::sim::sonar::{BeamShape, reading};
-use slamd::sim::world::World;
+use slamd_core::geometry::{Pose2, Ring};
+use slamd_sim::explore::Explorer;
+use slamd_sim::random::{Random, Stream};
+use slamd_sim::robot::{Robot, STEP_S, STEP_US, Twist};
+use slamd_sim::sonar::{BeamShape, reading};
+use slamd_sim::world::World;
 use std::f64::consts::PI;
 
 /// An HC-SR04 sings for this long before its echo pin rises, and gives up this long after that.

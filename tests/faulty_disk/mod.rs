@@ -2,8 +2,8 @@
 
 #![allow(dead_code, unreachable_pub, reason = "each test uses its part")]
 
-use slamd::capture::{CaptureReader, Record};
 use slamd::recorder::{Chunk, Disk};
+use slamd_capture::{CaptureReader, Record};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::io::{self, ErrorKind, Write};

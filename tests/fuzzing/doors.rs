@@ -4,13 +4,13 @@
 #![allow(dead_code, unreachable_pub, reason = "each program uses its part")]
 
 use slamd::api::{Client, Snapshot, Token};
-use slamd::capture::{CaptureReader, Record};
-use slamd::config::Config;
-use slamd::event::{Event, Input, Output};
-use slamd::pipeline::{Pipeline, Start};
-use slamd::saved_state::{MapState, SavedState};
 use slamd::session_file;
-use slamd::time::Timestamp;
+use slamd_capture::{CaptureReader, Record};
+use slamd_core::config::Config;
+use slamd_core::event::{Event, Input, Output};
+use slamd_core::pipeline::{Pipeline, Start};
+use slamd_core::saved_state::{MapState, SavedState};
+use slamd_core::time::Timestamp;
 use slamd_protocol::{MAX_PAYLOAD, PayloadBuf, encode_frame};
 use std::path::Path;
 
@@ -35,7 +35,13 @@ pub struct Line {
 impl Line {
     pub fn new(config: &Config) -> Self {
         let (at, last) = (Timestamp::default(), Timestamp::default());
-        Self { pipeline: Pipeline::new(config), at, last, outcome: Outcome::default() }
+        Self {
+            pipeline: slamd_paper::pipeline(config, slamd_core::pipeline::Start::Fresh)
+                .expect("a fresh start holds nothing that could be refused"),
+            at,
+            last,
+            outcome: Outcome::default(),
+        }
     }
 
     /// Bytes arrive, as fast as the line is.
@@ -116,7 +122,11 @@ pub fn feed(pipeline: &mut Pipeline, record: &Record) {
 /// Reads a capture and replays what it holds. True where it opens.
 pub fn read_capture(bytes: &[u8]) -> bool {
     let Ok(mut reader) = CaptureReader::begin(bytes, Path::new("fuzz.mcap")) else { return false };
-    let mut pipeline = Pipeline::new(&Config::from_toml(&reader.info().config_toml).unwrap_or_default());
+    let mut pipeline = slamd_paper::pipeline(
+        &Config::from_toml(&reader.info().config_toml).unwrap_or_default(),
+        slamd_core::pipeline::Start::Fresh,
+    )
+    .expect("a fresh start holds nothing that could be refused");
     let (mut last, mut given) = (Timestamp::default(), 0);
     for record in reader.by_ref().map_while(Result::ok) {
         assert!(record.at() >= last, "time ran back");
@@ -132,7 +142,7 @@ pub fn read_capture(bytes: &[u8]) -> bool {
 pub fn read_session(bytes: &[u8]) -> bool {
     let Ok(memory) = session_file::decode(bytes) else { return false };
     for start in [Start::Resume(Box::new(memory.clone())), Start::Localize(Box::new(memory))] {
-        if let Ok(mut pipeline) = Pipeline::begin(&Config::default(), start) {
+        if let Ok(mut pipeline) = slamd_paper::pipeline(&Config::default(), start) {
             let _ = (pipeline.saved_state(), pipeline.raster(), pipeline.poll_output());
         }
     }
@@ -152,7 +162,7 @@ pub fn read_map(map: &[u8], mut session: SavedState) -> bool {
     session.map = map;
     let config = ring_config();
     let begun = [Start::Resume(Box::new(session.clone())), Start::Localize(Box::new(session))]
-        .map(|start| Pipeline::begin(&config, start).map(|pipeline| pipeline.raster()));
+        .map(|start| slamd_paper::pipeline(&config, start).map(|pipeline| pipeline.raster()));
     begun.iter().all(Result::is_ok)
 }
 
@@ -165,7 +175,8 @@ pub fn ring_config() -> Config {
 /// Reads a configuration and drives with it. True where it can be read.
 pub fn read_config(text: &str, drive: &[Record]) -> bool {
     let Ok(config) = Config::from_toml(text) else { return false };
-    let mut pipeline = Pipeline::new(&config);
+    let mut pipeline = slamd_paper::pipeline(&config, slamd_core::pipeline::Start::Fresh)
+        .expect("a fresh start holds nothing that could be refused");
     drive.iter().for_each(|record| feed(&mut pipeline, record));
     assert_eq!(Config::from_toml(&config.to_toml()), Ok(config), "what is written is read");
     true

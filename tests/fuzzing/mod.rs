@@ -9,18 +9,18 @@ mod mutation;
 
 pub use doors::*;
 use mutation::Mutator;
-use slamd::capture::{CaptureInfo, CaptureWriter, Record};
-use slamd::config::{Config, Method};
-use slamd::import::{carmen, ring};
-use slamd::pipeline::Pipeline;
-use slamd::saved_state::SavedState;
 use slamd::session_file;
-use slamd::sim::fault::FaultMix;
-use slamd::sim::link::LinkFaults;
-use slamd::sim::simulation::{SimConfig, Simulation, session};
-use slamd::sim::sonar::BeamShape;
-use slamd::sim::world::World;
+use slamd_capture::{CaptureInfo, CaptureWriter, Record};
+use slamd_core::config::{Config, Method};
+use slamd_core::pipeline::Pipeline;
+use slamd_core::saved_state::SavedState;
+use slamd_eval::import::{carmen, ring};
 use slamd_protocol::FrameDecoder;
+use slamd_sim::fault::FaultMix;
+use slamd_sim::link::LinkFaults;
+use slamd_sim::simulation::{SimConfig, Simulation, session};
+use slamd_sim::sonar::BeamShape;
+use slamd_sim::world::World;
 use std::path::Path;
 
 /// The kinds of files that slamd reads.
@@ -82,7 +82,8 @@ impl Corpus {
             }
         }
         let captures = vec![capture(&drive[..FILE_RECORDS]), unsealed(&drive[..FILE_RECORDS])];
-        let mut pipeline = Pipeline::new(&Config::default());
+        let mut pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh)
+            .expect("a fresh start holds nothing that could be refused");
         drive.iter().for_each(|record| feed(&mut pipeline, record));
         let memory = pipeline.saved_state().expect("the drive is long enough for a map");
         Self {
@@ -239,7 +240,7 @@ fn unsealed(records: &[Record]) -> Vec<u8> {
     let mut file = std::io::Cursor::new(Vec::new());
     let options = mcap::WriteOptions::new().compression(None).calculate_chunk_crcs(false).chunk_size(Some(256));
     let mut writer = options.create(&mut file).expect("memory");
-    let topics = [slamd::capture::RECEIVED_TOPIC, slamd::capture::SENT_TOPIC];
+    let topics = [slamd_capture::RECEIVED_TOPIC, slamd_capture::SENT_TOPIC];
     let ids =
         topics.map(|topic| writer.add_channel(0, topic, "x", &std::collections::BTreeMap::new()).expect("memory"));
     for record in records {

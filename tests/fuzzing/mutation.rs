@@ -1,6 +1,6 @@
 //! Bytes and texts made worse, from one seed.
 
-use slamd::sim::random::{Random, Stream};
+use slamd_sim::random::{Random, Stream};
 
 /// A stream of decisions.
 pub struct Mutator {

@@ -7,7 +7,7 @@
 
 use super::mock_port::Terminal;
 use super::mock_port::daemon::Daemon;
-use slamd::capture::{CaptureReader, Record};
+use slamd_capture::{CaptureReader, Record};
 use std::path::Path;
 use std::process::Command;
 use std::sync::atomic::{AtomicU64, Ordering};

@@ -3,20 +3,20 @@
 #![allow(dead_code, reason = "each user takes what it needs")]
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "shares of a list")]
 
-use slamd::capture::Record;
-use slamd::config::Config;
-use slamd::event::{Event, Input, Output};
-use slamd::geometry::{Point, Pose2, wrap_angle};
-use slamd::metrics::AccuracyMeter;
-use slamd::pipeline::{Pipeline, Start};
-use slamd::saved_state::SavedState;
 use slamd::session_file;
-use slamd::sim::fault::FaultMix;
-use slamd::sim::link::LinkFaults;
-use slamd::sim::simulation::{SimConfig, Simulation, session};
-use slamd::sim::sonar::BeamShape;
-use slamd::sim::world::World;
-use slamd::time::Timestamp;
+use slamd_capture::Record;
+use slamd_core::config::Config;
+use slamd_core::event::{Event, Input, Output};
+use slamd_core::geometry::{Point, Pose2, wrap_angle};
+use slamd_core::pipeline::{Pipeline, Start};
+use slamd_core::saved_state::SavedState;
+use slamd_core::time::Timestamp;
+use slamd_metrics::AccuracyMeter;
+use slamd_sim::fault::FaultMix;
+use slamd_sim::link::LinkFaults;
+use slamd_sim::simulation::{SimConfig, Simulation, session};
+use slamd_sim::sonar::BeamShape;
+use slamd_sim::world::World;
 
 /// A room that looks the same from both ends.
 pub(crate) const SYMMETRICAL: &str = "start = [2.0, 1.5, 0.0]
@@ -92,7 +92,7 @@ pub(crate) struct Known {
 
 /// Maps a world, and takes the memory through a session file's bytes.
 pub(crate) fn remember(name: &str, seed: u64, duration_s: f64) -> Known {
-    let mut pipeline = Pipeline::new(&Config::default());
+    let mut pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh).unwrap();
     let mut meter = AccuracyMeter::default();
     let mut places = Vec::new();
     for record in drive(world(name), seed, duration_s, FaultMix::Paper) {
@@ -152,7 +152,7 @@ pub(crate) fn seek(known: &Known, name: &str, seed: u64, duration_s: f64) -> Out
         world.start = place;
     }
     let start = Start::Localize(Box::new(known.memory.clone()));
-    let mut pipeline = Pipeline::begin(&Config::default(), start).expect("a good memory");
+    let mut pipeline = slamd_paper::pipeline(&Config::default(), start).expect("a good memory");
     let mut outcome = Outcome::default();
     let mut truths = Truths::default();
     for record in drive(world, seed + 5_000, duration_s, FaultMix::None) {

@@ -1,8 +1,8 @@
 //! The line between board and host, with all that happens to bytes on it, and the host's end of it.
 
 use bytes::Bytes;
-use slamd::sim::link::LinkFaults;
-use slamd::sim::random::Random;
+use slamd_sim::link::LinkFaults;
+use slamd_sim::random::Random;
 use std::collections::VecDeque;
 
 /// Times are true microseconds.

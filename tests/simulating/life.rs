@@ -8,15 +8,15 @@ use super::tear::tear;
 use super::watch::Watch;
 use super::world::World;
 use crate::faulty_disk::FaultyDisk;
-use slamd::capture::CaptureInfo;
-use slamd::config::Config;
-use slamd::link::{Link, LinkState, Remedy};
-use slamd::pipeline::Start;
 use slamd::recorder::{Chunk, Losses, Tape};
 use slamd::session_file;
 use slamd::source::live::{LiveSession, MAX_OUTGOING};
 use slamd::source::session::Session;
-use slamd::time::Timestamp;
+use slamd_capture::CaptureInfo;
+use slamd_core::config::Config;
+use slamd_core::link::{Link, LinkState, Remedy};
+use slamd_core::pipeline::Start;
+use slamd_core::time::Timestamp;
 use std::cell::RefCell;
 use std::path::Path;
 use std::rc::Rc;
@@ -83,7 +83,8 @@ pub fn live(world: &mut World, plan: &Plan, start: Start, folder: &Path) -> Opti
     }
     world.ledger.begins();
     world.disk = FaultyDisk::default();
-    let mut session = Session::new(Config::default(), folder).expect("a folder").begin_with(start).expect("sound");
+    let mut session =
+        Session::new(slamd_paper::pipeline(&Config::default(), start).expect("sound"), folder).expect("sound");
     let (watch, watcher) = Watch::new();
     session.watch(watcher);
     let info =

@@ -18,8 +18,8 @@ mod world;
 pub use met::Met;
 
 use plan::Plan;
-use slamd::pipeline::Start;
 use slamd::session_file;
+use slamd_core::pipeline::Start;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::Command;
 use world::World;

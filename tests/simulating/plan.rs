@@ -2,9 +2,9 @@
 
 use crate::faulty_disk::Mood;
 use slamd::recorder;
-use slamd::sim::fault::FaultMix;
-use slamd::sim::link::LinkFaults;
-use slamd::sim::random::{Random, Stream};
+use slamd_sim::fault::FaultMix;
+use slamd_sim::link::LinkFaults;
+use slamd_sim::random::{Random, Stream};
 
 pub const SECOND_US: u64 = 1_000_000;
 const HOUR_US: u64 = 3_600 * SECOND_US;

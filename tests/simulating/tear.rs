@@ -1,6 +1,6 @@
 //! What a power cut leaves of bytes that the disk had not yet taken: a file cut short, a page of zeros, a page of something else.
 
-use slamd::sim::random::Random;
+use slamd_sim::random::Random;
 
 const PAGE: usize = 4_096;
 /// Only what is newer than this may be damaged: disks write in the order of minutes, not of hours.

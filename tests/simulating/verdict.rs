@@ -5,16 +5,16 @@ use super::plan::Plan;
 use super::watch::Watch;
 use super::world::World;
 use crate::faulty_disk::record;
-use slamd::capture::{CaptureReader, FLUSH_PERIOD, Record};
-use slamd::config::Config;
-use slamd::event::Event;
-use slamd::geometry::Pose2;
-use slamd::metrics::AccuracyMeter;
-use slamd::pipeline::Start;
 use slamd::session_file;
 use slamd::source::replay;
 use slamd::source::session::Session;
-use slamd::time::Timestamp;
+use slamd_capture::{CaptureReader, FLUSH_PERIOD, Record};
+use slamd_core::config::Config;
+use slamd_core::event::Event;
+use slamd_core::geometry::Pose2;
+use slamd_core::pipeline::Start;
+use slamd_core::time::Timestamp;
+use slamd_metrics::AccuracyMeter;
 use std::path::Path;
 use std::time::Duration;
 
@@ -81,7 +81,8 @@ fn recording(remains: &Remains, plan: &Plan, given: &[Record]) -> bool {
 }
 
 fn replayed(records: Vec<Record>, start: Start, remains: &Remains, folder: &Path) -> Session {
-    let mut session = Session::new(Config::default(), folder).expect("a folder").begin_with(start).expect("sound");
+    let mut session =
+        Session::new(slamd_paper::pipeline(&Config::default(), start).expect("sound"), folder).expect("sound");
     let (watch, watcher) = Watch::new();
     session.watch(watcher);
     for record in records {

@@ -29,7 +29,7 @@ use state::HubState;
 use heard::Kind as Put;
 use replica::Played;
 use slamd::cli::{Failure, Kind};
-use slamd::private::create_folder;
+use slamd_files::private::create_folder;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -84,7 +84,7 @@ impl Replica {
 
 fn play(files: &Files, grip: &Grip, each_map: impl Fn(Grid)) -> Result<Played, PlayError> {
     let path = if files.capture().exists() { files.capture() } else { files.part() };
-    let io = |path: &Path, source| slamd::capture::CaptureError::Io { path: path.into(), source };
+    let io = |path: &Path, source| slamd_capture::CaptureError::Io { path: path.into(), source };
     let mut player = Player::begin(Follow::open(&path, grip.clone()).map_err(|error| io(&path, error))?, &path)?;
     let (mut poses, mut sweeps, mut poses_csv) = (Vec::new(), Vec::new(), csv_head());
     let mut told = Moment::now();

@@ -4,7 +4,7 @@ use crate::follow::Grip;
 use crate::session::SessionId;
 use crate::wire::{MAX_PIECE, Offer, Piece};
 use sha2::{Digest as _, Sha256};
-use slamd::capture::{CaptureError, CaptureReader};
+use slamd_capture::{CaptureError, CaptureReader};
 use std::fs::File;
 use std::io::{self, Read as _, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};

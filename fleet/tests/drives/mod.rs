@@ -2,14 +2,14 @@
 
 #![allow(dead_code, reason = "each user takes what it needs")]
 
-use slamd::capture::{CaptureInfo, CaptureWriter, Record};
-use slamd::config::Config;
-use slamd::geometry::{Point, Pose2};
-use slamd::sim::fault::FaultMix;
-use slamd::sim::link::LinkFaults;
-use slamd::sim::simulation::{SimConfig, Simulation, session};
-use slamd::sim::sonar::BeamShape;
-use slamd::sim::world::World;
+use slamd_capture::{CaptureInfo, CaptureWriter, Record};
+use slamd_core::config::Config;
+use slamd_core::geometry::{Point, Pose2};
+use slamd_sim::fault::FaultMix;
+use slamd_sim::link::LinkFaults;
+use slamd_sim::simulation::{SimConfig, Simulation, session};
+use slamd_sim::sonar::BeamShape;
+use slamd_sim::world::World;
 use slamd_fleet::player::Player;
 use slamd_fleet::wire::Grid;
 use std::fs::File;

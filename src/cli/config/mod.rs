@@ -9,9 +9,9 @@ mod variables;
 pub(super) use variables::{OPTIONS, unknown};
 
 use super::{Failure, Kind, terminal};
-use crate::capture::CaptureInfo;
-use crate::config::{Config, ConfigError, Effective, Layers, Method};
 use clap::{Args, Subcommand, ValueEnum};
+use slamd_capture::CaptureInfo;
+use slamd_core::config::{Config, ConfigError, Effective, Layers, Method};
 use std::path::{Path, PathBuf};
 
 /// How results are made.
@@ -160,7 +160,7 @@ impl ConfigCommand {
             What::Check { files } => check(&files),
             #[cfg(feature = "manual")]
             What::Schema => {
-                let schema = serde_json::to_string_pretty(&crate::config::schema());
+                let schema = serde_json::to_string_pretty(&slamd_core::config::schema());
                 terminal::say(schema.map_err(|error| Failure::new(Kind::Data, error.to_string()))?);
                 Ok(())
             }

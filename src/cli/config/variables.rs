@@ -1,7 +1,7 @@
 //! Environment variables: `SLAMD_<SECTION>__<KEY>` for the configuration's values, `SLAMD_<OPTION>` for options of `slamd run`.
 
 use crate::cli::{Failure, Kind};
-use crate::config::{nearest, values};
+use slamd_core::config::{nearest, values};
 use std::ffi::OsString;
 
 /// A value of the configuration.

@@ -2,11 +2,11 @@
 
 use super::{DoctorArgs, host};
 use crate::cli::{Failure, Kind, config, terminal};
-use crate::config::Config;
 use crate::doctor::{Examination, Finding, Level, Report};
 use crate::port::{self, PortName, Trouble};
-use crate::time::Timestamp;
 use bytes::{Buf as _, Bytes};
+use slamd_core::config::Config;
+use slamd_core::time::Timestamp;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};

@@ -4,10 +4,10 @@ mod host;
 mod live;
 
 use super::{Failure, Kind, config, terminal};
-use crate::capture::{CaptureReader, Record};
 use crate::doctor::{Examination, Report};
 use crate::port::PortName;
 use clap::{ArgGroup, Args};
+use slamd_capture::{CaptureReader, Record};
 use std::path::{Path, PathBuf};
 
 const HELP: &str = "Examples:

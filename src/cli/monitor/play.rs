@@ -1,11 +1,11 @@
 //! A capture as a source: as fast as it was recorded, or some times as fast.
 
 use super::sampler::Sampler;
-use crate::capture::CaptureReader;
 use crate::daemon::Shutdown;
 use crate::monitor::{Line, Tone};
 use crate::source::replay::{ReplayError, step};
 use crate::source::session::Session;
+use slamd_capture::CaptureReader;
 use std::path::Path;
 use std::time::{Duration, Instant};
 

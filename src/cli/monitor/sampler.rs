@@ -1,10 +1,10 @@
 //! Looks at a session ten times a second and leaves what it sees for the screen.
 
-use crate::config::Config;
-use crate::event::SensorState;
 use crate::monitor::{Beam, BeamState, Line, Plan, RateMeter, Snapshot};
-use crate::pipeline::Pipeline;
 use crate::source::session::Session;
+use slamd_core::config::Config;
+use slamd_core::event::SensorState;
+use slamd_core::pipeline::Pipeline;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 

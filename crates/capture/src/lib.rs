@@ -1,0 +1,151 @@
+//! Captures: what went over the serial line, chunk by chunk with its time, in an MCAP file that Foxglove opens.
+//!
+//! A capture knows bytes only, so bytes that do not even decode can be replayed. `replay/README.md` is the specification.
+
+#![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
+#![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
+#![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
+
+mod reader;
+mod writer;
+
+pub use reader::CaptureReader;
+pub use slamd_core::driver::Record;
+pub use writer::CaptureWriter;
+
+use std::collections::BTreeMap;
+use std::io;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// A chunk is closed and flushed at least this often in log time. A kill loses no more than 0.1 s: the rest is for the thread to wake.
+pub const FLUSH_PERIOD: Duration = Duration::from_millis(80);
+
+/// Raw bytes from the board.
+pub const RECEIVED_TOPIC: &str = "/serial/rx";
+/// Raw bytes to the board.
+pub const SENT_TOPIC: &str = "/serial/tx";
+/// The true pose, where somebody knows it.
+pub const TRUTH_TOPIC: &str = "/truth/pose";
+
+/// What a capture says about itself, in its `slamd` metadata record.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct CaptureInfo {
+    /// Version of the program that wrote it.
+    pub slamd_version: String,
+    /// Version of the wire protocol that program speaks, as `major.minor`.
+    pub protocol_version: String,
+    /// The effective configuration as TOML.
+    pub config_toml: String,
+    /// Unix time in microseconds at [`Timestamp`] zero; none where nobody looked at a wall clock.
+    pub unix_zero_us: Option<u64>,
+    /// Words for people: where, what, under which licence.
+    pub notes: String,
+    /// The sensors that truly fail, each as `SENSOR:KIND@TIME`, for example `7:saturated@30s`; none where nobody knows.
+    pub faults: Option<Vec<String>>,
+}
+
+/// A capture that cannot be written or read.
+#[derive(Debug, thiserror::Error)]
+pub enum CaptureError {
+    /// The file cannot be created, opened, read or written.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The capture.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// The file does not begin as an MCAP file does.
+    #[error("{}: not an MCAP file: it begins with {found}, not with 89 4d 43 41 50 30 0d 0a", path.display())]
+    NotMcap {
+        /// The file.
+        path: PathBuf,
+        /// Its first bytes in hexadecimal.
+        found: String,
+    },
+    /// A time before the one in front of it.
+    #[error("{}: time runs back from {before_s:.6} s to {at_s:.6} s", path.display())]
+    TimeRunsBack {
+        /// The capture.
+        path: PathBuf,
+        /// The earlier record's time, seconds.
+        before_s: f64,
+        /// The later record's time, seconds.
+        at_s: f64,
+    },
+    /// The chunks are compressed.
+    #[error(
+        "{}: its chunks are compressed with `{compression}`: rewrite it with `mcap compress --compression none`",
+        path.display()
+    )]
+    Compressed {
+        /// The capture.
+        path: PathBuf,
+        /// The compression's name.
+        compression: String,
+    },
+    /// A message on `/truth/pose` that is not a pose.
+    #[error("{}: the pose on {TRUTH_TOPIC} at {at_s:.6} s cannot be read: {reason}", path.display())]
+    Truth {
+        /// The capture.
+        path: PathBuf,
+        /// The record's time, seconds.
+        at_s: f64,
+        /// Why.
+        reason: String,
+    },
+    /// The MCAP writer refuses.
+    #[error("{}: {source}", path.display())]
+    Write {
+        /// The capture.
+        path: PathBuf,
+        /// Why.
+        source: Box<mcap::McapError>,
+    },
+}
+
+const METADATA_NAME: &str = "slamd";
+const FAULT_SEPARATOR: char = ',';
+
+impl CaptureInfo {
+    fn to_metadata(&self) -> mcap::records::Metadata {
+        let mut metadata = BTreeMap::from([
+            ("slamd_version".into(), self.slamd_version.clone()),
+            ("protocol_version".into(), self.protocol_version.clone()),
+            ("config_toml".into(), self.config_toml.clone()),
+            ("notes".into(), self.notes.clone()),
+        ]);
+        if let Some(us) = self.unix_zero_us {
+            metadata.insert("unix_zero_us".into(), us.to_string());
+        }
+        if let Some(faults) = &self.faults {
+            metadata.insert("faults".into(), faults.join(&FAULT_SEPARATOR.to_string()));
+        }
+        mcap::records::Metadata { name: METADATA_NAME.into(), metadata }
+    }
+
+    fn from_metadata(mut metadata: BTreeMap<String, String>) -> Self {
+        let mut take = |key: &str| metadata.remove(key);
+        Self {
+            slamd_version: take("slamd_version").unwrap_or_default(),
+            protocol_version: take("protocol_version").unwrap_or_default(),
+            config_toml: take("config_toml").unwrap_or_default(),
+            unix_zero_us: take("unix_zero_us").and_then(|us| us.parse().ok()),
+            notes: take("notes").unwrap_or_default(),
+            faults: take("faults")
+                .map(|list| list.split(FAULT_SEPARATOR).filter(|fault| !fault.is_empty()).map(Into::into).collect()),
+        }
+    }
+}
+
+/// The content of a message on `/truth/pose`.
+#[derive(serde::Serialize, serde::Deserialize)]
+struct TruthMessage {
+    x_m: f64,
+    y_m: f64,
+    theta_rad: f64,
+}
+
+#[cfg(test)]
+mod tests;

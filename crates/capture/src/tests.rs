@@ -1,0 +1,190 @@
+use super::*;
+use slamd_core::geometry::Pose2;
+use slamd_core::time::Timestamp;
+use std::fs;
+use std::path::Path;
+
+fn us(us: u64) -> Timestamp {
+    Timestamp::from_us(us)
+}
+
+fn info() -> CaptureInfo {
+    CaptureInfo {
+        slamd_version: "0.1.0".into(),
+        protocol_version: "1.0".into(),
+        config_toml: "method = \"walls\"\n".into(),
+        unix_zero_us: Some(1_700_000_000_000_000),
+        notes: "a test".into(),
+        faults: Some(vec!["7:saturated@30s".into(), "9:noisy@0s".into()]),
+    }
+}
+
+/// Records 30 ms apart: every chunk holds three of them.
+fn records(count: u64) -> Vec<Record> {
+    (0..count)
+        .map(|i| {
+            let at = us(i * 30_000);
+            let bytes: Vec<u8> = (0..i % 40).map(|b| (b * 37 + i).to_le_bytes()[0]).collect();
+            match i % 3 {
+                0 => Record::Received { at, bytes },
+                1 => Record::Sent { at, bytes },
+                _ => Record::Truth { at, pose: Pose2 { x_m: 0.1 * i as f64, y_m: -0.7, theta_rad: 1.0 / 3.0 } },
+            }
+        })
+        .collect()
+}
+
+fn append(writer: &mut CaptureWriter, record: &Record) {
+    match record {
+        Record::Received { at, bytes } => writer.received(*at, bytes),
+        Record::Sent { at, bytes } => writer.sent(*at, bytes),
+        Record::Truth { at, pose } => writer.truth(*at, *pose),
+    }
+    .unwrap();
+}
+
+fn write(path: &Path, records: &[Record]) {
+    let mut writer = CaptureWriter::create(path, &info()).unwrap();
+    records.iter().for_each(|record| append(&mut writer, record));
+    writer.finish().unwrap();
+}
+
+fn read(path: &Path) -> (Vec<Record>, CaptureReader) {
+    let mut reader = CaptureReader::open(path).unwrap();
+    let records = reader.by_ref().map(Result::unwrap).collect();
+    (records, reader)
+}
+
+#[test]
+fn a_capture_is_read_back_byte_for_byte() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("whole.mcap");
+    write(&path, &records(100));
+    let (back, reader) = read(&path);
+    assert_eq!(back, records(100));
+    assert_eq!((reader.info(), reader.damage()), (&info(), None));
+}
+
+#[test]
+fn other_mcap_readers_open_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("whole.mcap");
+    write(&path, &records(10));
+    let file = fs::read(&path).unwrap();
+    let messages: Vec<_> = mcap::MessageStream::new(&file).unwrap().map(Result::unwrap).collect();
+    assert_eq!(messages.len(), 10);
+    assert_eq!(messages[1].log_time, 30_000_000);
+    let truth = &messages[2].channel;
+    assert_eq!((truth.topic.as_str(), truth.message_encoding.as_str()), ("/truth/pose", "json"));
+    assert_eq!(truth.schema.as_ref().unwrap().encoding, "jsonschema");
+    let summary = mcap::Summary::read(&file).unwrap().unwrap();
+    assert_eq!(summary.metadata_indexes[0].name, "slamd");
+    assert_eq!(summary.chunk_indexes.len(), 1 + 4, "one chunk of channels, then 3 + 3 + 3 + 1 messages");
+}
+
+#[test]
+fn a_file_cut_at_any_byte_of_its_last_64_kib_keeps_every_chunk_closed_before_the_cut() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = folder.path().join("whole.mcap");
+    let all = records(500);
+    write(&whole, &all);
+    let file = fs::read(&whole).unwrap();
+    assert!(file.len() > 65_536, "{} bytes", file.len());
+    let ends: Vec<u64> = mcap::Summary::read(&file)
+        .unwrap()
+        .unwrap()
+        .chunk_indexes
+        .iter()
+        .map(|chunk| chunk.chunk_start_offset + chunk.chunk_length)
+        .collect();
+    for length in file.len() - 65_536..file.len() {
+        let mut reader = CaptureReader::begin(&file[..length], &whole).unwrap();
+        let chunks = ends.iter().filter(|&&end| end <= length as u64).count();
+        let kept = &all[..(3 * chunks.saturating_sub(1)).min(all.len())];
+        assert!(reader.by_ref().map(Result::unwrap).eq(kept.iter().cloned()), "cut at {length}");
+        assert!(reader.damage().unwrap().contains("was not finished"), "cut at {length}");
+    }
+}
+
+#[test]
+fn a_damaged_byte_never_panics_and_never_invents_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("damaged.mcap");
+    let all = records(20);
+    write(&path, &all);
+    let file = fs::read(&path).unwrap();
+    for position in (8..file.len()).step_by(3) {
+        let mut damaged = file.clone();
+        damaged[position] ^= 0x5a;
+        fs::write(&path, &damaged).unwrap();
+        let Ok(reader) = CaptureReader::open(&path) else { continue };
+        for (i, record) in reader.flatten().enumerate() {
+            assert_eq!(record, all[i], "damaged at {position}");
+        }
+    }
+}
+
+#[test]
+fn what_is_older_than_a_flush_period_is_on_disk_while_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("killed.mcap");
+    let mut writer = CaptureWriter::create(&path, &info()).unwrap();
+    let on_disk = || {
+        let copy = folder.path().join("copy.mcap");
+        fs::copy(&path, &copy).unwrap();
+        let (records, reader) = read(&copy);
+        assert_eq!(reader.info(), &info());
+        records.len()
+    };
+    assert_eq!(on_disk(), 0);
+    for record in records(3) {
+        append(&mut writer, &record);
+    }
+    assert_eq!(on_disk(), 0, "0 to 60 ms: the chunk is open");
+    writer.flush_if_due(us(79_999)).unwrap();
+    assert_eq!(on_disk(), 0);
+    writer.flush_if_due(us(80_000)).unwrap();
+    assert_eq!(on_disk(), 3);
+    writer.received(us(150_000), b"open").unwrap();
+    writer.received(us(230_000), b"next").unwrap();
+    assert_eq!(on_disk(), 4);
+}
+
+#[test]
+fn times_that_run_back_are_refused_by_writer_and_reader() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("back.mcap");
+    let mut writer = CaptureWriter::create(&path, &info()).unwrap();
+    writer.received(us(2_000_000), b"a").unwrap();
+    let error = writer.received(us(1_000_000), b"b").unwrap_err().to_string();
+    assert!(error.ends_with("back.mcap: time runs back from 2.000000 s to 1.000000 s"), "{error}");
+    drop(writer);
+
+    let mut foreign = mcap::Writer::new(fs::File::create(&path).unwrap()).unwrap();
+    let channel_id = foreign.add_channel(0, RECEIVED_TOPIC, "x", &BTreeMap::new()).unwrap();
+    for log_time in [5_000_000_000, 4_000_000_000] {
+        let header = mcap::records::MessageHeader { channel_id, sequence: 0, log_time, publish_time: log_time };
+        foreign.write_to_known_channel(&header, b"").unwrap();
+    }
+    foreign.finish().unwrap();
+    let results: Vec<_> = CaptureReader::open(&path).unwrap().collect();
+    assert_eq!(results.len(), 2);
+    assert!(results[1].as_ref().unwrap_err().to_string().contains("back.mcap: time runs back from 5.0"));
+}
+
+#[test]
+fn what_is_not_a_capture_is_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("notes.txt");
+    fs::write(&path, "hello").unwrap();
+    let error = CaptureReader::open(&path).err().unwrap().to_string();
+    assert!(error.contains("notes.txt: not an MCAP file: it begins with 68 65 6c 6c 6f"), "{error}");
+    // The recorder may be killed before its first byte is written.
+    for cut in 0..8 {
+        fs::write(&path, &mcap::MAGIC[..cut]).unwrap();
+        let (records, reader) = read(&path);
+        assert!(records.is_empty() && reader.damage().unwrap().contains("was not finished"));
+    }
+    let error = CaptureReader::open(&folder.path().join("absent")).err().unwrap().to_string();
+    assert!(error.contains("absent: "), "{error}");
+}

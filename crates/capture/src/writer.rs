@@ -1,0 +1,188 @@
+//! Writes a capture so that a kill at any moment loses at most the last [`FLUSH_PERIOD`].
+
+use super::{CaptureError, CaptureInfo, FLUSH_PERIOD, RECEIVED_TOPIC, SENT_TOPIC, TRUTH_TOPIC, TruthMessage};
+use mcap::records::MessageHeader;
+use mcap::write::NoSeek;
+use mcap::{McapError, WriteOptions, Writer};
+use slamd_core::geometry::Pose2;
+use slamd_core::time::Timestamp;
+use slamd_files::private;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Writes one capture. Dropping it closes the file, too, but only [`CaptureWriter::finish`] reports errors.
+///
+/// Each chunk is gathered in memory and written whole, so a killed recording ends at the end of a chunk. The index of the
+/// chunks stays in memory until the end: about 8 MB per hour.
+pub struct CaptureWriter<W: Write = BufWriter<File>> {
+    path: PathBuf,
+    writer: Writer<NoSeek<W>>,
+    channels: Channels,
+    /// The time of the first message in the open chunk.
+    chunk_opened: Option<Timestamp>,
+    last: Timestamp,
+}
+
+#[derive(Clone, Copy)]
+struct Channels {
+    received: Channel,
+    sent: Channel,
+    truth: Channel,
+}
+
+#[derive(Clone, Copy)]
+struct Channel {
+    id: u16,
+    messages: u32,
+}
+
+impl CaptureWriter {
+    /// Creates the file, for its owner alone, and writes what it says about itself.
+    ///
+    /// # Errors
+    /// When the file cannot be created or written.
+    pub fn create(path: &Path, info: &CaptureInfo) -> Result<Self, CaptureError> {
+        let file = private::create_file(path).map_err(|source| CaptureError::Io { path: path.into(), source })?;
+        Self::begin(BufWriter::new(file), path, info)
+    }
+
+    /// Writes the summary and closes the file.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn finish(mut self) -> Result<(), CaptureError> {
+        self.end()?;
+        let file = self.writer.into_inner().into_inner().into_inner().map_err(std::io::IntoInnerError::into_error);
+        file.and_then(|file| file.sync_all()).map_err(|source| CaptureError::Io { path: self.path, source })
+    }
+}
+
+impl<W: Write> CaptureWriter<W> {
+    /// Writes what a capture says about itself to anything; `path` is its name in errors.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn begin(to: W, path: &Path, info: &CaptureInfo) -> Result<Self, CaptureError> {
+        let (writer, channels) = begin(to, info).map_err(|error| write_error(path, error))?;
+        Ok(Self { path: path.into(), writer, channels, chunk_opened: None, last: Timestamp::default() })
+    }
+
+    /// Stores bytes read from the board at `at`.
+    ///
+    /// # Errors
+    /// When the file cannot be written or `at` is earlier than a time already stored.
+    pub fn received(&mut self, at: Timestamp, bytes: &[u8]) -> Result<(), CaptureError> {
+        self.write(|channels| &mut channels.received, at, bytes)
+    }
+
+    /// Stores bytes written to the board at `at`.
+    ///
+    /// # Errors
+    /// As [`CaptureWriter::received`].
+    pub fn sent(&mut self, at: Timestamp, bytes: &[u8]) -> Result<(), CaptureError> {
+        self.write(|channels| &mut channels.sent, at, bytes)
+    }
+
+    /// Stores where the robot truly was at `at`, as `world_from_robot`.
+    ///
+    /// # Errors
+    /// As [`CaptureWriter::received`].
+    pub fn truth(&mut self, at: Timestamp, pose: Pose2) -> Result<(), CaptureError> {
+        let message = TruthMessage { x_m: pose.x_m, y_m: pose.y_m, theta_rad: pose.theta_rad };
+        let json = serde_json::to_vec(&message)
+            .map_err(|error| CaptureError::Io { path: self.path.clone(), source: error.into() })?;
+        self.write(|channels| &mut channels.truth, at, &json)
+    }
+
+    /// Closes and flushes the open chunk where it began [`FLUSH_PERIOD`] or more before `at`. For idle times: the other
+    /// calls do it on their own.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn flush_if_due(&mut self, at: Timestamp) -> Result<(), CaptureError> {
+        if self.chunk_opened.is_some_and(|opened| opened + FLUSH_PERIOD <= at) {
+            self.chunk_opened = None;
+            self.writer.flush().map_err(|error| write_error(&self.path, error))?;
+        }
+        Ok(())
+    }
+
+    /// How long after the newest message the open chunk wants to be closed; none where no chunk is open.
+    #[must_use]
+    pub fn flush_in(&self) -> Option<Duration> {
+        self.chunk_opened.map(|opened| {
+            FLUSH_PERIOD.saturating_sub(Duration::from_micros(self.last.us().saturating_sub(opened.us())))
+        })
+    }
+
+    /// Writes the summary. Again, it does nothing.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn end(&mut self) -> Result<(), CaptureError> {
+        self.chunk_opened = None;
+        self.writer.finish().map(drop).map_err(|error| write_error(&self.path, error))
+    }
+
+    fn write(
+        &mut self,
+        pick: fn(&mut Channels) -> &mut Channel,
+        at: Timestamp,
+        bytes: &[u8],
+    ) -> Result<(), CaptureError> {
+        if at < self.last {
+            let path = self.path.clone();
+            return Err(CaptureError::TimeRunsBack { path, before_s: self.last.seconds(), at_s: at.seconds() });
+        }
+        self.flush_if_due(at)?;
+        self.last = at;
+        self.chunk_opened.get_or_insert(at);
+        let channel = pick(&mut self.channels);
+        let log_time = at.us().saturating_mul(1000);
+        let header =
+            MessageHeader { channel_id: channel.id, sequence: channel.messages, log_time, publish_time: log_time };
+        channel.messages = channel.messages.wrapping_add(1);
+        self.writer.write_to_known_channel(&header, bytes).map_err(|error| write_error(&self.path, error))
+    }
+}
+
+/// Metadata and channels come first and are flushed: whatever happens later, the file can be understood.
+fn begin<W: Write>(to: W, info: &CaptureInfo) -> Result<(Writer<NoSeek<W>>, Channels), McapError> {
+    let options = WriteOptions::new()
+        .compression(None)
+        .disable_seeking(true)
+        .profile("slamd")
+        .library(format!("slamd {}", info.slamd_version));
+    let mut writer = options.create(NoSeek::new(to))?;
+    writer.write_metadata(&info.to_metadata())?;
+    let none = BTreeMap::new();
+    let pose = writer.add_schema("slamd.Pose2", "jsonschema", TRUTH_SCHEMA.as_bytes())?;
+    let mut add = |schema, topic, encoding| -> Result<Channel, McapError> {
+        Ok(Channel { id: writer.add_channel(schema, topic, encoding, &none)?, messages: 0 })
+    };
+    let channels = Channels {
+        received: add(0, RECEIVED_TOPIC, "application/octet-stream")?,
+        sent: add(0, SENT_TOPIC, "application/octet-stream")?,
+        truth: add(pose, TRUTH_TOPIC, "json")?,
+    };
+    writer.flush()?;
+    Ok((writer, channels))
+}
+
+fn write_error(path: &Path, error: McapError) -> CaptureError {
+    match error {
+        McapError::Io(source) => CaptureError::Io { path: path.into(), source },
+        other => CaptureError::Write { path: path.into(), source: Box::new(other) },
+    }
+}
+
+const TRUTH_SCHEMA: &str = r#"{
+  "title": "slamd.Pose2",
+  "description": "world_from_robot: metres and radians, x forward, y left, counter-clockwise",
+  "type": "object",
+  "properties": { "x_m": { "type": "number" }, "y_m": { "type": "number" }, "theta_rad": { "type": "number" } },
+  "required": ["x_m", "y_m", "theta_rad"]
+}"#;

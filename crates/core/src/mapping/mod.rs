@@ -1,0 +1,5 @@
+//! Mapping: what the beams say about space.
+
+pub mod cone;
+pub mod grid;
+pub mod raster;

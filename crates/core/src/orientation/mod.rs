@@ -1,0 +1,4 @@
+//! Orientation: the directions of a building's walls, and from them the robot's heading.
+
+pub mod dominant_directions;
+pub mod start;

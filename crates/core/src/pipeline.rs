@@ -1,0 +1,385 @@
+//! The whole method, in order.
+//!
+//! `bytes → Frame → Message → Sweep V[k] → fault mask → heading → pose → occupancy grid → events`
+//!
+//! A pipeline is a state machine without a clock, a file or a thread: [`Pipeline::handle`] takes what was read, what was
+//! written and which deadline has come; [`Pipeline::poll_output`] gives what to write and what has happened. Drain it before
+//! the next input. The same inputs give the same outputs, so a recorded session replays bit for bit.
+//!
+//! The steps from the sweep on are those of the chosen method: [`crate::wall_slam`] or [`slamd_paper`].
+
+#![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
+#![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
+#![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
+
+mod estimator;
+mod introspection;
+
+pub use estimator::{Estimator, Methods, Start, built_in};
+
+use crate::align::track::Wheels;
+use crate::align::{Aligner, Restarted};
+use crate::board::Board;
+use crate::config::Config;
+use crate::conversation::{Conversation, Trust};
+use crate::event::{Calibration, Counters, Event, Input, Output, SensorState};
+use crate::geometry::Ring;
+use crate::mapping::raster::Raster;
+use crate::saved_state::{InvalidState, SavedState};
+use crate::sweep::Sweep;
+use crate::time::Timestamp;
+use bytes::Bytes;
+use slamd_protocol::{DELIMITER, Encoder, FrameDecoder, FrameEncoder, Hello, Message, MessageError, Sonar};
+use std::collections::VecDeque;
+use std::f64::consts::TAU;
+
+/// From the board's bytes to the robot's map.
+#[derive(Debug)]
+pub struct Pipeline {
+    config: Config,
+    decoder: FrameDecoder,
+    sent: FrameDecoder,
+    encoder: FrameEncoder,
+    conversation: Conversation,
+    aligner: Aligner,
+    start: Start,
+    methods: Methods,
+    estimator: Option<Box<dyn Estimator>>,
+    /// Which encoders' counts the aligner turns over, left and right.
+    reversed: [bool; 2],
+    kept_sweeps: Option<Vec<Sweep>>,
+    last_seq: Option<u8>,
+    counters: Counters,
+    events: Vec<Event>,
+    outputs: VecDeque<Output>,
+}
+
+impl Pipeline {
+    /// A pipeline that has heard nothing yet, with the methods of this crate.
+    ///
+    /// # Errors
+    /// Where the start's saved state holds what cannot be, or the configured method is not there or cannot use it.
+    pub fn new(config: &Config, start: Start) -> Result<Self, InvalidState> {
+        Self::with_methods(config, start, built_in)
+    }
+
+    /// A pipeline that chooses among other methods, too.
+    ///
+    /// # Errors
+    /// As [`Pipeline::new`].
+    pub fn with_methods(config: &Config, start: Start, methods: Methods) -> Result<Self, InvalidState> {
+        // The ring may become known later; whether the start can be used is said now.
+        methods(config, &Ring::default(), &start)?;
+        Ok(Self::start(config, start, methods))
+    }
+
+    fn start(config: &Config, start: Start, methods: Methods) -> Self {
+        let mut pipeline = Self {
+            config: config.clone(),
+            decoder: FrameDecoder::new(),
+            sent: FrameDecoder::new(),
+            encoder: FrameEncoder::default(),
+            conversation: Conversation::new(config),
+            aligner: Aligner::new(&config.ring),
+            start,
+            methods,
+            estimator: None,
+            reversed: [false; 2],
+            kept_sweeps: None,
+            last_seq: None,
+            counters: Counters::default(),
+            events: Vec::new(),
+            outputs: VecDeque::new(),
+        };
+        if let Some(ring) = config.ring.ring() {
+            pipeline.use_ring(ring, Timestamp::default());
+        }
+        if let Some(ticks) = config.robot.ticks_per_turn {
+            pipeline.use_ticks(ticks);
+        }
+        pipeline
+    }
+
+    /// The effective configuration.
+    #[must_use]
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// Keeps each sweep for [`Pipeline::take_sweeps`].
+    pub fn keep_sweeps(&mut self) {
+        self.kept_sweeps = Some(Vec::new());
+    }
+
+    /// The sweeps since the last call, where they are kept.
+    pub fn take_sweeps(&mut self) -> Vec<Sweep> {
+        self.kept_sweeps.as_mut().map(std::mem::take).unwrap_or_default()
+    }
+
+    /// Takes one input. Never fails: what is wrong with it becomes an event or a counter.
+    pub fn handle(&mut self, input: Input<'_>) {
+        match input {
+            Input::Received { at, bytes } => {
+                for &byte in bytes {
+                    self.received(byte, at);
+                }
+            }
+            Input::Sent { at, bytes } => {
+                for &byte in bytes {
+                    self.sent(byte, at);
+                }
+            }
+            Input::Opened { at } => self.opened(at),
+            Input::Tick { at } => self.tick(at),
+            Input::End => {
+                if let Some(estimator) = &mut self.estimator {
+                    estimator.end(&mut self.events);
+                }
+            }
+        }
+        self.outputs.extend(self.events.drain(..).map(Output::Event));
+    }
+
+    /// The next output; drain to `None` before the next input.
+    pub fn poll_output(&mut self) -> Option<Output> {
+        self.outputs.pop_front()
+    }
+
+    /// When to hand in [`Input::Tick`], unless an input comes earlier.
+    #[must_use]
+    pub fn next_deadline(&self) -> Timestamp {
+        self.conversation.deadline()
+    }
+
+    /// The map as it is now.
+    #[must_use]
+    pub fn raster(&self) -> Raster {
+        self.estimator.as_ref().map_or_else(Raster::default, |estimator| estimator.raster())
+    }
+
+    /// The ring, once known.
+    #[must_use]
+    pub fn ring(&self) -> Option<&Ring> {
+        self.aligner.ring()
+    }
+
+    /// The last sweep, once the ring is known.
+    #[must_use]
+    pub fn sweep(&self) -> Option<&Sweep> {
+        self.aligner.sweep()
+    }
+
+    /// Each sensor's state, by id.
+    #[must_use]
+    pub fn states(&self) -> &[SensorState] {
+        self.estimator.as_ref().map_or(&[], |estimator| estimator.states())
+    }
+
+    /// The wheels as the estimator has learnt them; the paper's method learns none.
+    #[must_use]
+    pub fn calibration(&self) -> Option<Calibration> {
+        self.estimator.as_ref()?.calibration()
+    }
+
+    /// Everything worth remembering; none before there is something, nor where a known map is not to be changed.
+    #[must_use]
+    pub fn saved_state(&self) -> Option<SavedState> {
+        self.estimator.as_ref()?.saved_state()
+    }
+
+    /// Normalised innovation squared of the last sweep, per wall seen: 1 on the mean for a consistent filter. NaN where it saw no wall;
+    /// the paper's method has none.
+    #[must_use]
+    pub fn nis(&self) -> f64 {
+        self.estimator.as_ref().map_or(f64::NAN, |estimator| estimator.nis())
+    }
+
+    /// The board as far as it is known.
+    #[must_use]
+    pub fn board(&self) -> &Board {
+        self.conversation.board()
+    }
+
+    /// What has been counted so far.
+    #[must_use]
+    pub fn counters(&self) -> Counters {
+        let decoded = self.decoder.counters();
+        Counters {
+            frames: decoded.frames,
+            crc_errors: decoded.crc_errors,
+            malformed: decoded.malformed,
+            dropped_bytes: decoded.dropped_bytes,
+            dropped_sweeps: self.aligner.dropped(),
+            ..self.counters
+        }
+    }
+
+    fn received(&mut self, byte: u8, at: Timestamp) {
+        let Some(frame) = self.decoder.push(byte) else { return };
+        let (seq, message) = (frame.seq, Message::parse(frame.kind, frame.payload));
+        self.count_lost(seq);
+        self.conversation.heard(at);
+        match message {
+            Ok(message) if message.kind() & FROM_HOST != 0 => self.counters.echoed += 1,
+            Ok(message) => self.message(message, at),
+            Err(MessageError::UnknownType(_)) => self.counters.unknown += 1,
+            Err(_) => self.counters.refused += 1,
+        }
+    }
+
+    /// Numbers between the newest and this one are missing; one that comes late was counted as missing and is not.
+    fn count_lost(&mut self, seq: u8) {
+        match seq.wrapping_sub(self.last_seq.unwrap_or_else(|| seq.wrapping_sub(1))) {
+            ahead @ 1..128 => {
+                self.counters.lost_frames += u64::from(ahead - 1);
+                self.last_seq = Some(seq);
+            }
+            _ => self.counters.lost_frames = self.counters.lost_frames.saturating_sub(1),
+        }
+    }
+
+    fn message(&mut self, message: Message, at: Timestamp) {
+        if let Message::Hello(hello) = message {
+            return self.hello(hello, at);
+        }
+        if self.conversation.board().is_refused() {
+            return;
+        }
+        let Self { conversation, aligner, estimator, kept_sweeps, counters, events, .. } = self;
+        let trust = match &message {
+            Message::Sonar(Sonar { t_us, .. }) | Message::Encoder(Encoder { t_us, .. }) => {
+                conversation.trust(at, || aligner.continues(*t_us, at))
+            }
+            _ => Trust::Yes,
+        };
+        let aligned = match &message {
+            _ if trust == Trust::Restarted => Err(Restarted),
+            _ if trust == Trust::Wait => Ok(()),
+            Message::Sonar(sonar) => {
+                conversation.fired(at);
+                counters.groups += 1;
+                aligner.sonar(sonar, at, |sweep| {
+                    if let Some(kept) = kept_sweeps {
+                        kept.push(sweep.clone());
+                    }
+                    if let Some(estimator) = estimator {
+                        estimator.update(sweep, events);
+                        counters.sweeps += 1;
+                    }
+                })
+            }
+            Message::Encoder(encoder) => aligner.encoder(encoder, at),
+            Message::TimeResponse { token, rx_us, tx_us } => match conversation.time_request(*token) {
+                Some(sent) => aligner.round_trip(sent, *rx_us, *tx_us, at),
+                None => Ok(()),
+            },
+            _ => return self.aside(&message, at),
+        };
+        if aligned == Err(Restarted) {
+            self.restart(at);
+        }
+        self.turn_encoders();
+    }
+
+    /// Takes the counts of encoders that were found to run backwards with the sign turned over.
+    fn turn_encoders(&mut self) {
+        let reversed = self.estimator.as_ref().map_or([false; 2], |estimator| estimator.reversed_encoders());
+        for (wheel, (now, before)) in reversed.iter().zip(self.reversed).enumerate() {
+            if *now != before {
+                self.aligner.reverse_encoder(wheel);
+            }
+        }
+        self.reversed = reversed;
+    }
+
+    /// A message without a stamp that sweeps are made of.
+    fn aside(&mut self, message: &Message, at: Timestamp) {
+        let Self { conversation, events, .. } = self;
+        match message {
+            Message::Geometry(geometry) => {
+                if let Some(ring) = conversation.geometry(geometry, at, events) {
+                    self.use_ring(self.config.ring.ring().unwrap_or(ring), at);
+                }
+            }
+            Message::ConfigValue { key, value } => conversation.setting(*key, *value, at),
+            Message::Ack { of_type, result, .. } => conversation.acknowledged(*of_type, *result, at, events),
+            Message::Status(status) => {
+                let temperature_c = status.temperature_cdeg.map(|cdeg| 0.01 * f64::from(cdeg));
+                if let Some(temperature_c) = temperature_c.filter(|celsius| PLAUSIBLE_C.contains(celsius)) {
+                    self.aligner.set_temperature(temperature_c);
+                }
+            }
+            Message::Log(log) => {
+                events.push(Event::BoardLog { at, text: log.text.to_string() });
+            }
+            _ => {}
+        }
+    }
+
+    fn hello(&mut self, hello: Hello, at: Timestamp) {
+        if self.conversation.hello(hello, at, &mut self.events) {
+            self.restart(at);
+        }
+        let ticks = self.conversation.board().ticks_per_turn();
+        if let (Some(ticks), None) = (ticks, self.config.robot.ticks_per_turn) {
+            self.use_ticks(ticks);
+        }
+    }
+
+    fn opened(&mut self, at: Timestamp) {
+        // Half a frame of the old connection must not eat the first of the new one.
+        self.decoder.push(DELIMITER);
+        self.conversation.opened(at);
+        self.last_seq = None;
+    }
+
+    fn restart(&mut self, at: Timestamp) {
+        self.aligner.restart();
+        self.conversation.restarted(at);
+        self.last_seq = None;
+        self.counters.restarts += 1;
+        self.events.push(Event::BoardReset { at });
+    }
+
+    fn use_ring(&mut self, ring: Ring, at: Timestamp) {
+        if self.aligner.ring() == Some(&ring) {
+            return;
+        }
+        self.estimator = (self.methods)(&self.config, &ring, &self.start).ok();
+        if let Start::Resume(memory) = &self.start {
+            self.events.extend(memory.faults(at, ring.len()));
+        }
+        self.events.push(Event::Ring { at, sensors: ring.len() });
+        self.aligner.set_ring(ring);
+    }
+
+    fn use_ticks(&mut self, ticks_per_turn: u32) {
+        let robot = &self.config.robot;
+        let mean_m = TAU * robot.wheel_radius_m / f64::from(ticks_per_turn);
+        let left_m = 2.0 * mean_m / (1.0 + robot.wheel_ratio);
+        let metres_per_tick = [left_m, left_m * robot.wheel_ratio];
+        self.aligner.set_wheels(Wheels { metres_per_tick, base_m: robot.wheel_base_m });
+    }
+
+    fn sent(&mut self, byte: u8, at: Timestamp) {
+        let Some(frame) = self.sent.push(byte) else { return };
+        if let Ok(Message::TimeRequest { token }) = Message::parse(frame.kind, frame.payload) {
+            self.conversation.time_request_sent(token, at);
+        }
+    }
+
+    fn tick(&mut self, at: Timestamp) {
+        if at < self.conversation.deadline() {
+            return;
+        }
+        for message in self.conversation.ask(at, &mut self.events) {
+            let frame = self.encoder.encode(&message);
+            self.outputs.push_back(Output::Transmit(Bytes::copy_from_slice(&frame)));
+        }
+    }
+}
+
+/// The bit that marks the host's messages.
+const FROM_HOST: u8 = 0x80;
+/// Air in which a robot drives, degrees Celsius.
+const PLAUSIBLE_C: std::ops::RangeInclusive<f64> = -40.0..=85.0;

@@ -1,0 +1,92 @@
+//! The methods to choose from, behind one trait.
+
+use crate::config::{Config, Method};
+use crate::event::{Calibration, Event, SensorState, Verdict};
+use crate::geometry::{Ring, Segment};
+use crate::localize::Localizer;
+use crate::mapping::grid::MapChange;
+use crate::mapping::raster::Raster;
+use crate::saved_state::{InvalidState, SavedState};
+use crate::sweep::Sweep;
+use crate::wall_slam::WallSlam;
+
+/// What a run begins with.
+#[derive(Clone, Debug, Default)]
+pub enum Start {
+    /// An unknown building.
+    #[default]
+    Fresh,
+    /// The saved building, the robot where it stood.
+    Resume(Box<SavedState>),
+    /// The saved building, which is not changed, the robot anywhere in it.
+    Localize(Box<SavedState>),
+}
+
+/// A method that turns sweeps into poses, faults and a map. What a method does not have keeps its default.
+pub trait Estimator: std::fmt::Debug + Send {
+    /// Uses one sweep; pushes an [`Event::Estimate`] for each sweep whose pose is known now, and what else has happened.
+    fn update(&mut self, sweep: &Sweep, events: &mut Vec<Event>);
+
+    /// Uses the sweeps that still wait: no more will come.
+    fn end(&mut self, _events: &mut Vec<Event>) {}
+
+    /// The map.
+    fn raster(&self) -> Raster;
+
+    /// What has changed of the map in `revision` or later, and the newest revision; revision 0 asks for everything.
+    fn map_since(&self, revision: u64) -> Option<(MapChange, u64)>;
+
+    /// By sensor: its state.
+    fn states(&self) -> &[SensorState];
+
+    /// What became of a sensor's beam in the last sweep.
+    fn verdict(&self, sensor: usize) -> Verdict;
+
+    /// The evidence that a sensor is faulty, as a log-likelihood ratio, and the root of what PCA leaves unexplained of its
+    /// readings, metres. NaN where the method has no such thing.
+    fn fault_evidence(&self, sensor: usize) -> (f64, f64);
+
+    /// The walls that are known, map frame.
+    fn segments(&self) -> Vec<Segment>;
+
+    /// Which encoders' counts are to be taken with the sign turned over, left and right.
+    fn reversed_encoders(&self) -> [bool; 2] {
+        [false; 2]
+    }
+
+    /// The wheels as learnt so far.
+    fn calibration(&self) -> Option<Calibration> {
+        None
+    }
+
+    /// What the next run can go on from.
+    fn saved_state(&self) -> Option<SavedState> {
+        None
+    }
+
+    /// Normalised innovation squared of the last sweep, per measurement; NaN where nothing was measured.
+    fn nis(&self) -> f64 {
+        f64::NAN
+    }
+}
+
+/// Makes the configured method for a ring and a start.
+///
+/// # Errors
+/// Where the saved state holds what cannot be, or the method cannot use it.
+pub type Methods = fn(&Config, &Ring, &Start) -> Result<Box<dyn Estimator>, InvalidState>;
+
+/// The methods of this crate: the default one, and the search in a known map.
+///
+/// # Errors
+/// As [`Methods`]; for [`Method::Paper`], which is a crate of its own.
+pub fn built_in(config: &Config, ring: &Ring, start: &Start) -> Result<Box<dyn Estimator>, InvalidState> {
+    if config.method == Method::Paper {
+        return Err(InvalidState("the paper's method is not in this program"));
+    }
+    Ok(match start {
+        Start::Fresh => Box::new(WallSlam::new(config, ring)),
+        Start::Resume(state) => Box::new(WallSlam::resume(config, ring, state)?),
+        Start::Localize(state) => Box::new(Localizer::new(config, ring, state)?),
+    })
+}

@@ -1,0 +1,15 @@
+//! Position: the filters that follow the robot.
+
+pub mod beam_model;
+pub mod ekf_slam;
+mod ekf_slam_state;
+pub mod filter;
+mod filter_state;
+mod inactive_landmarks;
+mod innovation_whiteness;
+pub mod landmark_initializer;
+pub mod localization_monitor;
+pub mod relocalize;
+mod relocation;
+mod segments;
+mod symmetric;

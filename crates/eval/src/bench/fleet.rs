@@ -1,0 +1,44 @@
+//! Many drives at once, on all cores; each is as deterministic as it is alone.
+
+use super::case::Case;
+use super::run::{Run, run};
+use slamd_sim::world::World;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Drives every case with every seed. `done` hears of each drive as it ends, in no order. The result holds the runs of each case by seed.
+///
+/// # Errors
+/// Where a world cannot be read.
+///
+/// # Panics
+/// Where a drive does.
+pub fn drive_all(cases: &[Case], seeds: &[u64], done: impl Fn(&Case, &Run) + Sync) -> Result<Vec<Vec<Run>>, String> {
+    let worlds: Vec<World> = cases.iter().map(Case::load_world).collect::<Result<_, _>>()?;
+    let next = AtomicUsize::new(0);
+    let runs: Vec<Mutex<Vec<Run>>> = cases.iter().map(|_| Mutex::new(Vec::new())).collect();
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    std::thread::scope(|scope| {
+        for _ in 0..cores {
+            scope.spawn(|| {
+                loop {
+                    let job = next.fetch_add(1, Ordering::Relaxed);
+                    let (Some(case), Some(&seed)) =
+                        (cases.get(job / seeds.len().max(1)), seeds.get(job % seeds.len().max(1)))
+                    else {
+                        break;
+                    };
+                    let place = job / seeds.len();
+                    let run = run(case, &worlds[place], seed);
+                    done(case, &run);
+                    runs[place].lock().expect("no drive panics").push(run);
+                }
+            });
+        }
+    });
+    let mut all: Vec<Vec<Run>> = runs.into_iter().map(|runs| runs.into_inner().expect("no drive panics")).collect();
+    for runs in &mut all {
+        runs.sort_by_key(|run| run.seed);
+    }
+    Ok(all)
+}

@@ -1,0 +1,93 @@
+//! Real recordings → captures of ordinary frames, as if a board had sent them.
+//!
+//! Each capture begins with HELLO, GEOMETRY and one STATUS; then every row of the recording becomes a SONAR per firing group.
+//! Board time equals host time. Ranges become times of flight at the configured temperature, which the STATUS repeats, so that
+//! they come back within 0.1 mm.
+
+#![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
+#![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
+#![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
+
+pub mod carmen;
+mod recorder;
+pub mod ring;
+mod ticks;
+
+pub use recorder::Summary;
+pub use ticks::WheelTicks;
+
+use slamd_capture::CaptureError;
+use std::io;
+use std::str::FromStr;
+
+/// A recording that cannot be imported.
+#[derive(Debug, thiserror::Error)]
+pub enum ImportError {
+    /// The recording cannot be read.
+    #[error("{file}: {source}")]
+    Io {
+        /// The recording.
+        file: String,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// A line that does not say what it should.
+    #[error("{file}: line {line}, column {column}: `{found}`: expected {expected}")]
+    Line {
+        /// The recording.
+        file: String,
+        /// From 1.
+        line: usize,
+        /// The field in the line, from 1.
+        column: usize,
+        /// The field as it stands.
+        found: String,
+        /// What it should be.
+        expected: String,
+    },
+    /// The recording holds no row.
+    #[error("{file}: nothing to import: expected {expected}")]
+    Empty {
+        /// The recording.
+        file: String,
+        /// What it should hold.
+        expected: &'static str,
+    },
+    /// The configuration lacks what a recording does not say.
+    #[error("the configuration must give {0}: a recording does not say it")]
+    Config(&'static str),
+    /// The capture cannot be written.
+    #[error(transparent)]
+    Capture(#[from] CaptureError),
+}
+
+/// One line of a recording, for errors that say where.
+#[derive(Clone, Copy)]
+struct Line<'a> {
+    file: &'a str,
+    number: usize,
+}
+
+impl Line<'_> {
+    /// The field at `column`, from 0, as a value.
+    fn value<T: FromStr>(self, fields: &[&str], column: usize, expected: &str) -> Result<T, ImportError> {
+        let field = fields.get(column).copied().unwrap_or_default().trim();
+        field.parse().map_err(|_| self.error(field, column, expected))
+    }
+
+    /// The field at `column`, from 0, as a finite number.
+    fn number(self, fields: &[&str], column: usize, expected: &str) -> Result<f64, ImportError> {
+        let value: f64 = self.value(fields, column, expected)?;
+        if value.is_finite() { Ok(value) } else { Err(self.error(&value.to_string(), column, expected)) }
+    }
+
+    fn error(self, found: &str, column: usize, expected: &str) -> ImportError {
+        ImportError::Line {
+            file: self.file.into(),
+            line: self.number,
+            column: column + 1,
+            found: found.into(),
+            expected: expected.into(),
+        }
+    }
+}

@@ -1,0 +1,6 @@
+//! Evaluation: accuracy tables over simulated drives, the paper's experiment, and the import of foreign recordings.
+
+#![forbid(unsafe_code)]
+
+pub mod bench;
+pub mod import;

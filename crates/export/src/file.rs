@@ -1,0 +1,155 @@
+//! The MCAP file, as rosbag2 writes it: profile `ros2`, messages in CDR, definitions beside them. It appears whole or not at all.
+
+use super::message::{Stamp, sonar};
+use super::schema::definition;
+use mcap::records::{MessageHeader, Metadata};
+use mcap::write::NoSeek;
+use mcap::{McapError, WriteOptions, Writer};
+use slamd_files::{PartFile, WriteError};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// A bag that cannot be written.
+#[derive(Debug, thiserror::Error)]
+pub enum BagError {
+    /// The file cannot be created or written.
+    #[error(transparent)]
+    File(#[from] WriteError),
+    /// The MCAP writer refuses.
+    #[error("{}: {source}", path.display())]
+    Mcap {
+        /// The bag.
+        path: PathBuf,
+        /// Why.
+        source: Box<McapError>,
+    },
+}
+
+/// Where a message goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Topic {
+    Map,
+    Odometry,
+    Pose,
+    Transforms,
+    StaticTransforms,
+    Diagnostics,
+    Sonar(usize),
+}
+
+/// A topic of the file.
+struct Channel {
+    id: u16,
+    messages: u32,
+}
+
+/// The file being written.
+pub(super) struct BagFile {
+    path: PathBuf,
+    writer: Writer<NoSeek<PartFile>>,
+    channels: BTreeMap<Topic, Channel>,
+}
+
+impl Topic {
+    /// A name of ROS 2: no part of it may begin with a digit.
+    fn name(self) -> String {
+        match self {
+            Self::Map => "/map".into(),
+            Self::Odometry => "/odom".into(),
+            Self::Pose => "/pose".into(),
+            Self::Transforms => "/tf".into(),
+            Self::StaticTransforms => "/tf_static".into(),
+            Self::Diagnostics => "/diagnostics".into(),
+            Self::Sonar(sensor) => format!("/{}", sonar(sensor)),
+        }
+    }
+
+    const fn package_and_message(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Map => ("nav_msgs", "OccupancyGrid"),
+            Self::Odometry => ("nav_msgs", "Odometry"),
+            Self::Pose => ("geometry_msgs", "PoseWithCovarianceStamped"),
+            Self::Transforms | Self::StaticTransforms => ("tf2_msgs", "TFMessage"),
+            Self::Diagnostics => ("diagnostic_msgs", "DiagnosticArray"),
+            Self::Sonar(_) => ("sensor_msgs", "Range"),
+        }
+    }
+
+    /// Whoever comes late to a topic that keeps its last message gets that: map_server and the static transforms do so.
+    fn offered_qos_profiles(self) -> String {
+        const FOREVER: &str = "\n    sec: 9223372036\n    nsec: 854775807\n";
+        let is_kept = matches!(self, Self::Map | Self::StaticTransforms);
+        let (depth, durability) = if is_kept { (1, TRANSIENT_LOCAL) } else { (10, VOLATILE) };
+        format!(
+            "- history: {KEEP_LAST}\n  depth: {depth}\n  reliability: {RELIABLE}\n  durability: {durability}\n  deadline:{FOREVER}  \
+             lifespan:{FOREVER}  liveliness: {AUTOMATIC}\n  liveliness_lease_duration:{FOREVER}  avoid_ros_namespace_conventions: false"
+        )
+    }
+}
+
+/// Of `rmw/types.h`.
+const KEEP_LAST: u8 = 1;
+const RELIABLE: u8 = 1;
+const TRANSIENT_LOCAL: u8 = 1;
+const VOLATILE: u8 = 2;
+const AUTOMATIC: u8 = 1;
+
+impl BagFile {
+    pub(super) fn create(path: &Path) -> Result<Self, BagError> {
+        let file = PartFile::create(path)?;
+        let writer = begin(file).map_err(|error| refused(path, error))?;
+        Ok(Self { path: path.into(), writer, channels: BTreeMap::new() })
+    }
+
+    /// Writes a message that was ready at `ready`, which may not run back.
+    pub(super) fn write(&mut self, topic: Topic, ready: Stamp, message: &[u8]) -> Result<(), BagError> {
+        let Self { path, writer, channels } = self;
+        let channel = match channels.entry(topic) {
+            std::collections::btree_map::Entry::Occupied(known) => known.into_mut(),
+            std::collections::btree_map::Entry::Vacant(new) => {
+                new.insert(add(writer, topic).map_err(|error| refused(path, error))?)
+            }
+        };
+        let Stamp(log_time) = ready;
+        let header =
+            MessageHeader { channel_id: channel.id, sequence: channel.messages, log_time, publish_time: log_time };
+        channel.messages = channel.messages.wrapping_add(1);
+        writer.write_to_known_channel(&header, message).map_err(|error| refused(path, error))
+    }
+
+    /// Gives the file its name; how many messages on how many topics it holds.
+    pub(super) fn finish(mut self) -> Result<(u64, usize), BagError> {
+        self.writer.finish().map_err(|error| refused(&self.path, error))?;
+        self.writer.into_inner().into_inner().finish()?;
+        let messages = self.channels.values().map(|channel| u64::from(channel.messages)).sum();
+        Ok((messages, self.channels.len()))
+    }
+}
+
+fn begin(file: PartFile) -> Result<Writer<NoSeek<PartFile>>, McapError> {
+    let options = WriteOptions::new()
+        .compression(None)
+        .disable_seeking(true)
+        .profile("ros2")
+        .library(concat!("slamd ", env!("CARGO_PKG_VERSION")));
+    let mut writer = options.create(NoSeek::new(file))?;
+    // An empty one tells rosbag2 that qualities of service are written as numbers here, as Humble wrote them; without it Jazzy expects words.
+    let metadata = BTreeMap::from([("serialized_metadata".into(), String::new())]);
+    writer.write_metadata(&Metadata { name: "rosbag2".into(), metadata })?;
+    Ok(writer)
+}
+
+fn add(writer: &mut Writer<NoSeek<PartFile>>, topic: Topic) -> Result<Channel, McapError> {
+    let (package, message) = topic.package_and_message();
+    let definition = definition(&format!("{package}/{message}"));
+    let schema = writer.add_schema(&format!("{package}/msg/{message}"), "ros2msg", definition.as_bytes())?;
+    let metadata = BTreeMap::from([("offered_qos_profiles".into(), topic.offered_qos_profiles())]);
+    Ok(Channel { id: writer.add_channel(schema, &topic.name(), "cdr", &metadata)?, messages: 0 })
+}
+
+fn refused(path: &Path, error: McapError) -> BagError {
+    match error {
+        McapError::Io(source) => BagError::File(WriteError { path: path.into(), source }),
+        other => BagError::Mcap { path: path.into(), source: Box::new(other) },
+    }
+}

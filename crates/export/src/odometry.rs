@@ -1,0 +1,69 @@
+//! How well the wheels alone know where the robot is: the filter of [`slamd_core::position`] without any measurement.
+
+use super::message::Odometry;
+use slamd_core::event::Calibration;
+use slamd_core::geometry::Pose2;
+use slamd_core::position::filter::Filter;
+use slamd_core::sweep::Sweep;
+
+/// The wheels, summed up.
+pub(super) struct Wheels {
+    nominal: Calibration,
+    filter: Filter,
+}
+
+/// At its beginning the robot is where it is, by definition.
+const BEGIN_SIGMA_RAD: f64 = 1e-4;
+
+impl Wheels {
+    /// Wheels that have not rolled yet, known as well as `nominal` says.
+    pub(super) fn new(nominal: Calibration) -> Self {
+        Self { nominal, filter: at_rest(nominal) }
+    }
+
+    /// Rolls on to a sweep.
+    pub(super) fn roll(&mut self, sweep: &Sweep) -> Odometry {
+        self.filter.predict(sweep.left_m, sweep.right_m);
+        let mut step = at_rest(self.nominal);
+        step.predict(sweep.left_m, sweep.right_m);
+        // The first sweep has none before it.
+        let per_s = if sweep.elapsed_s > 0.0 { sweep.elapsed_s.recip() } else { 0.0 };
+        Odometry {
+            pose: sweep.odometry,
+            covariance: self.filter.pose_covariance(),
+            speed_m_s: per_s * 0.5 * (sweep.left_m + sweep.right_m),
+            turn_rad_s: per_s * (sweep.right_m - sweep.left_m) / self.nominal.wheel_base_m,
+            velocity_covariance: step.pose_covariance() * (per_s * per_s),
+        }
+    }
+}
+
+fn at_rest(nominal: Calibration) -> Filter {
+    Filter::new(Pose2::default(), BEGIN_SIGMA_RAD, nominal)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use slamd_core::config::RobotConfig;
+
+    /// A tenth of a second ahead at 0.3 m/s, turning at 0.5 rad/s.
+    fn arc(base_m: f64) -> Sweep {
+        let half_m = 0.5 * 0.05 * base_m;
+        Sweep { elapsed_s: 0.1, left_m: 0.03 - half_m, right_m: 0.03 + half_m, ..Sweep::default() }
+    }
+
+    #[test]
+    fn speeds_are_those_of_the_wheels_and_doubt_grows_with_the_way() {
+        let nominal = RobotConfig::default().wheels();
+        let mut wheels = Wheels::new(nominal);
+        let told: Vec<Odometry> = (0..100).map(|_| wheels.roll(&arc(nominal.wheel_base_m))).collect();
+        let last = told[99];
+        assert!((last.speed_m_s - 0.3).abs() < 1e-12 && (last.turn_rad_s - 0.5).abs() < 1e-12, "{last:?}");
+        let sigma_rad = |told: &Odometry| told.covariance[(2, 2)].sqrt();
+        assert!(sigma_rad(&told[99]) > 3.0 * sigma_rad(&told[9]), "{} {}", sigma_rad(&told[99]), sigma_rad(&told[9]));
+        // A single step's doubt does not grow with the way.
+        assert!((last.velocity_covariance - told[0].velocity_covariance).norm() < 1e-12);
+        assert!(last.velocity_covariance[(0, 0)] > 0.0 && last.velocity_covariance[(2, 2)] > 0.0);
+    }
+}

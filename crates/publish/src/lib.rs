@@ -1,0 +1,212 @@
+//! The output folder: maps, trajectories, faults and a summary, each file whole or absent.
+
+mod fault_log;
+mod localization_log;
+mod map_file;
+mod picture;
+mod pose_table;
+mod sketch;
+mod summary;
+mod track;
+mod trajectory;
+
+pub use map_file::{grey, grey_png, write_map};
+pub use picture::{Curve, Plot};
+pub use pose_table::PoseTable;
+pub use sketch::{Sketch, Surroundings};
+pub use slamd_files::WriteError;
+use slamd_files::write_file;
+pub use summary::{EncoderFault, Latency, Summary};
+pub use trajectory::Trajectory;
+
+use fault_log::FaultLog;
+use localization_log::LockLog;
+use slamd_core::config::Config;
+use slamd_core::event::{Calibration, Counters, EncoderState, Event, PositionEvent, SensorState, Wheel};
+use slamd_core::geometry::{Pose2, Ring};
+use slamd_core::mapping::raster::Raster;
+use slamd_core::time::Timestamp;
+use slamd_files::private;
+use slamd_metrics::{AccuracyMeter, FaultMeter, TrueFault};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+use summary::Timings;
+use track::Track;
+
+/// What is known only at the end of a run.
+pub struct FinalState<'a> {
+    /// The effective configuration, written as `config.toml`.
+    pub config: &'a Config,
+    /// The map.
+    pub raster: &'a Raster,
+    /// The sensors' places.
+    pub ring: &'a Ring,
+    /// The sensors' states, by id.
+    pub states: &'a [SensorState],
+    /// What was counted.
+    pub counters: Counters,
+    /// The wheels, where the method estimates them.
+    pub calibration: Option<Calibration>,
+}
+
+/// The files of one run. Trajectories and faults are written while it goes on, as `NAME.part`; memory stays constant.
+pub struct Outputs {
+    folder: PathBuf,
+    trajectory: Trajectory,
+    odometry: Trajectory,
+    truth: Option<Trajectory>,
+    fault_log: FaultLog,
+    lock_log: LockLog,
+    sketch: Sketch,
+    truth_path: Track,
+    accuracy: AccuracyMeter,
+    faults: Option<FaultMeter>,
+    encoders: [Option<EncoderFault>; 2],
+    position: Option<PositionEvent>,
+    timings: Timings,
+    delays: Timings,
+}
+
+impl Outputs {
+    /// Creates the folder, if it is not there, and begins the files.
+    ///
+    /// # Errors
+    /// When something cannot be created.
+    pub fn create(folder: &Path) -> Result<Self, WriteError> {
+        private::create_folder(folder).map_err(|source| WriteError { path: folder.into(), source })?;
+        Ok(Self {
+            folder: folder.into(),
+            trajectory: Trajectory::create(&folder.join("trajectory.tum"))?,
+            odometry: Trajectory::create(&folder.join("odometry.tum"))?,
+            truth: None,
+            fault_log: FaultLog::create(folder)?,
+            lock_log: LockLog::create(folder)?,
+            sketch: Sketch::default(),
+            truth_path: Track::default(),
+            accuracy: AccuracyMeter::default(),
+            faults: None,
+            encoders: [None, None],
+            position: None,
+            timings: Timings::new(),
+            delays: Timings::new(),
+        })
+    }
+
+    /// Scores the fault detector against what truly fails; call it before the first event.
+    pub fn true_faults(&mut self, faults: Vec<TrueFault>) {
+        self.faults = Some(FaultMeter::new(0, faults));
+    }
+
+    /// Takes an event of the pipeline.
+    pub fn event(&mut self, event: &Event) {
+        match event {
+            Event::Estimate(estimate) => {
+                self.trajectory.append(estimate.at, estimate.pose);
+                self.odometry.append(estimate.at, estimate.odometry);
+                self.sketch.estimate(estimate);
+                self.accuracy.estimate(estimate.at, estimate.pose);
+                if let Some(faults) = &mut self.faults {
+                    faults.estimate(estimate.at, estimate.at);
+                }
+            }
+            Event::Lock(lock) => self.lock_log.append(lock),
+            Event::Fault(fault) => {
+                self.fault_log.append(fault);
+                if let Some(faults) = &mut self.faults {
+                    faults.state(fault.at, fault.sensor, fault.state);
+                }
+            }
+            Event::Encoder(encoder) => {
+                self.fault_log.append_encoder(encoder);
+                let place = usize::from(encoder.wheel == Wheel::Right);
+                self.encoders[place] = (encoder.state != EncoderState::Healthy).then(|| EncoderFault::new(encoder));
+            }
+            Event::Position(position) => self.position = Some(position.clone()),
+            Event::Board { .. }
+            | Event::Ring { .. }
+            | Event::BoardLog { .. }
+            | Event::BoardReset { .. }
+            | Event::BoardTrouble { .. } => {}
+        }
+    }
+
+    /// Takes where the robot truly was, `world_from_robot`. The first call begins `truth.tum`.
+    ///
+    /// # Errors
+    /// When the file cannot be created.
+    pub fn truth(&mut self, at: Timestamp, pose: Pose2) -> Result<(), WriteError> {
+        if self.truth.is_none() {
+            self.truth = Some(Trajectory::create(&self.folder.join("truth.tum"))?);
+        }
+        if let Some(truth) = &mut self.truth {
+            truth.append(at, pose);
+        }
+        self.truth_path.push(pose.position());
+        self.accuracy.truth(at, pose);
+        Ok(())
+    }
+
+    /// Takes how long the computing for one sweep took.
+    pub fn timing(&mut self, elapsed: Duration) {
+        self.timings.add(elapsed);
+    }
+
+    /// Takes how long after its last byte had been read a pose was out.
+    pub fn delay(&mut self, elapsed: Duration) {
+        self.delays.add(elapsed);
+    }
+
+    /// How late poses have been; none before the first.
+    #[must_use]
+    pub fn latency(&self) -> Option<Latency> {
+        self.delays.latency()
+    }
+
+    /// Writes the map, the picture and the summary and gives every file its name; `summary.json` comes last.
+    ///
+    /// # Errors
+    /// When a file cannot be written.
+    pub fn finish(self, state: &FinalState<'_>) -> Result<Summary, WriteError> {
+        let mut summary = Summary::new(state.counters);
+        summary.calibration = state.calibration;
+        summary.position.clone_from(&self.position);
+        summary.encoder_faults = self.encoders.iter().flatten().cloned().collect();
+        summary.accuracy = self.accuracy.accuracy();
+        (summary.lock_losses, summary.uncertain_s) = (self.lock_log.losses(), self.lock_log.uncertain_s());
+        summary.faults = self.faults.as_ref().map(|meter| meter.detection().score());
+        (summary.mean_us_per_sweep, summary.p99_us_per_sweep) = self.timings.mean_and_p99_us().unzip();
+        summary.latency = self.latency();
+        let known = state.raster.occupancy.iter().filter(|percent| **percent != Raster::UNKNOWN).count();
+        summary.map_m2 = known as f64 * state.raster.cell_m * state.raster.cell_m;
+        summary.map_sha256 = write_map(&self.folder, "map", state.raster)?;
+        let picture =
+            self.picture(state, &summary).map_err(|source| WriteError { path: self.folder.join("map.png"), source })?;
+        write_file(&self.folder, "map.png", &picture)?;
+        write_file(&self.folder, "config.toml", state.config.to_toml().as_bytes())?;
+        summary.trajectory_sha256 = self.trajectory.finish()?;
+        self.odometry.finish()?;
+        self.truth.map(Trajectory::finish).transpose()?;
+        self.fault_log.finish()?;
+        self.lock_log.finish()?;
+        write_file(&self.folder, "summary.json", summary.to_json().as_bytes())?;
+        Ok(summary)
+    }
+
+    fn picture(&self, state: &FinalState<'_>, summary: &Summary) -> io::Result<Vec<u8>> {
+        let map_from_world = self.accuracy.world_from_map().map(Pose2::inverse);
+        let truth: Vec<_> = map_from_world
+            .map(|transform| self.truth_path.points().into_iter().map(|point| transform.transform(point)).collect())
+            .unwrap_or_default();
+        let around = Surroundings {
+            raster: state.raster,
+            ring: state.ring,
+            states: state.states,
+            robot_name: &state.config.robot.name,
+        };
+        self.sketch.draw_with_truth(around, &truth, summary.accuracy.map(|accuracy| accuracy.ate_m))
+    }
+}
+
+#[cfg(test)]
+mod tests;

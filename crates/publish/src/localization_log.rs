@@ -1,0 +1,49 @@
+//! `lock.csv`: when the robot lost its place and found it again, and from when on its poses were uncertain.
+
+use super::WriteError;
+use slamd_core::event::{LockChange, LockEvent};
+use slamd_files::PartFile;
+use std::path::Path;
+
+/// The file being written, and what it comes to.
+pub(super) struct LockLog {
+    file: PartFile,
+    losses: u64,
+    uncertain_s: f64,
+}
+
+impl LockLog {
+    pub(super) fn create(folder: &Path) -> Result<Self, WriteError> {
+        let mut file = PartFile::create(&folder.join("lock.csv"))?;
+        file.append(b"t_s,change,uncertain_since_s\n");
+        Ok(Self { file, losses: 0, uncertain_s: 0.0 })
+    }
+
+    pub(super) fn append(&mut self, lock: &LockEvent) {
+        let change = match lock.change {
+            LockChange::Lost => "lost",
+            LockChange::Regained { .. } => "regained",
+            LockChange::Abandoned => "abandoned",
+        };
+        match lock.change {
+            LockChange::Lost => self.losses += 1,
+            _ => self.uncertain_s += lock.at.seconds_since(lock.since),
+        }
+        let line = format!("{:.6},{change},{:.6}\n", lock.at.seconds(), lock.since.seconds());
+        self.file.append(line.as_bytes());
+    }
+
+    /// How often the place was lost.
+    pub(super) const fn losses(&self) -> u64 {
+        self.losses
+    }
+
+    /// Seconds of uncertain poses that have come to an end.
+    pub(super) const fn uncertain_s(&self) -> f64 {
+        self.uncertain_s
+    }
+
+    pub(super) fn finish(self) -> Result<(), WriteError> {
+        self.file.finish().map(drop)
+    }
+}

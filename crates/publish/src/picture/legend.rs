@@ -1,0 +1,110 @@
+//! The strip below the map: the ring of sensors enlarged, what the lines mean, and how long a metre is.
+
+use super::canvas::{Canvas, Ink, Pen, TEXT_PX};
+use super::floor::Floor;
+use super::robot::{FAULTY, HEALTHY, RobotMark};
+use super::{ODOMETRY, PATH, Scene, TRUTH, draw_start};
+use slamd_core::event::SensorState;
+use std::f64::consts::FRAC_PI_2;
+
+/// Height of the strip, pixels.
+pub(super) const HEIGHT_PX: usize = 150;
+/// The strip needs this width, pixels.
+pub(super) const MIN_WIDTH_PX: usize = 1000;
+
+/// Draws the strip from `top` down.
+pub(super) fn draw(canvas: &mut Canvas, top: f64, scene: &Scene<'_>, floor: &Floor<'_>) {
+    let dial = RobotMark { ring: scene.ring, states: scene.states, body_px: 20.0, beam_px: 42.0 };
+    dial.draw(canvas, (MARGIN_PX + 66.0, top + 72.0), FRAC_PI_2);
+    let left = MARGIN_PX + 156.0;
+    let mut line = Line { canvas, x: left, y: top + 10.0 };
+    line.words(scene.robot_name, TEXT);
+    line.words(&format!("{} sensors", scene.ring.len()), FAINT);
+    let (words, ink) = verdict(scene.states);
+    line.words(&words, ink);
+
+    line.next(left);
+    line.stroke(PATH);
+    line.words(&format!("path, {:.1} m", scene.path_m), TEXT);
+    line.start();
+    line.words("start", TEXT);
+    line.stroke(ODOMETRY);
+    line.words("encoders alone", TEXT);
+    if !scene.truth.is_empty() {
+        line.stroke(TRUTH);
+        let error = scene.ate_m.map_or(String::new(), |ate_m| format!(", {:.0} cm off (RMS)", ate_m * 100.0));
+        line.words(&format!("truth{error}"), TEXT);
+    }
+
+    line.next(left);
+    let (width_m, height_m) = floor.size_m();
+    line.scale_bar(floor.scale_px_m());
+    line.words(&format!("shown: {width_m:.1} m x {height_m:.1} m"), FAINT);
+}
+
+/// A line of words and samples, written from left to right.
+struct Line<'a> {
+    canvas: &'a mut Canvas,
+    x: f64,
+    y: f64,
+}
+
+impl Line<'_> {
+    fn words(&mut self, words: &str, ink: Ink) {
+        let room_px = self.canvas.width_px() - MARGIN_PX - self.x;
+        let mut shown = words.to_owned();
+        while Canvas::text_width_px(&shown) > room_px && shown.len() > 3 {
+            shown = shown.trim_end_matches("...").into();
+            shown.pop();
+            shown += "...";
+        }
+        self.canvas.text((self.x, self.y), &shown, ink);
+        self.x += Canvas::text_width_px(&shown) + GAP_PX;
+    }
+
+    fn stroke(&mut self, pen: Pen) {
+        let y = self.y + TEXT_PX / 2.0;
+        self.canvas.polyline([(self.x, y), (self.x + SAMPLE_PX, y)], pen);
+        self.x += SAMPLE_PX + 9.0;
+    }
+
+    fn start(&mut self) {
+        draw_start(self.canvas, (self.x + 7.0, self.y + TEXT_PX / 2.0));
+        self.x += 14.0 + 9.0;
+    }
+
+    /// The shortest round length that is long enough to be seen.
+    fn scale_bar(&mut self, scale_px_m: f64) {
+        let lengths_m = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0];
+        let length_m = lengths_m.into_iter().find(|length_m| length_m * scale_px_m >= 40.0).unwrap_or(200.0);
+        let (x0, x1, y) = (self.x, self.x + length_m * scale_px_m, self.y + TEXT_PX / 2.0);
+        let pen = Pen::solid(TEXT, 2.0);
+        self.canvas.polyline([(x0, y - 5.0), (x0, y + 5.0)], pen);
+        self.canvas.polyline([(x1, y - 5.0), (x1, y + 5.0)], pen);
+        self.canvas.polyline([(x0, y), (x1, y)], pen);
+        self.x = x1 + 9.0;
+        self.words(&format!("{length_m} m"), TEXT);
+    }
+
+    fn next(&mut self, left: f64) {
+        (self.x, self.y) = (left, self.y + 42.0);
+    }
+}
+
+fn verdict(states: &[SensorState]) -> (String, Ink) {
+    let faulty: Vec<String> = states
+        .iter()
+        .enumerate()
+        .filter_map(|(sensor, state)| match state {
+            SensorState::Healthy => None,
+            SensorState::Faulty(kind) => Some(format!("{sensor} {}", kind.word())),
+        })
+        .collect();
+    if faulty.is_empty() { ("all healthy".into(), HEALTHY) } else { (format!("x {}", faulty.join(", ")), FAULTY) }
+}
+
+const MARGIN_PX: f64 = 24.0;
+const SAMPLE_PX: f64 = 34.0;
+const GAP_PX: f64 = 26.0;
+const TEXT: Ink = [40, 44, 54, 255];
+const FAINT: Ink = [112, 118, 130, 255];

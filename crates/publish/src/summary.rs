@@ -1,0 +1,163 @@
+//! `summary.json`: a run in a few numbers, keys always in the same order.
+
+use hdrhistogram::Histogram;
+use serde::Serialize;
+use slamd_core::event::{Calibration, Counters, EncoderEvent, PositionEvent};
+use slamd_metrics::{Accuracy, FaultScore};
+use std::fmt;
+use std::time::Duration;
+
+/// A run in a few numbers.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// Sweeps used.
+    pub sweeps: u64,
+    /// Sweeps given up because too much of them was missing.
+    pub dropped: u64,
+    /// Frames whose checksum did not hold.
+    pub crc_errors: u64,
+    /// Frames that the sequence numbers say are missing.
+    pub lost_frames: u64,
+    /// How often the robot lost its place on the map.
+    pub lock_losses: u64,
+    /// Seconds of poses that `lock.csv` calls uncertain.
+    pub uncertain_s: f64,
+    /// Mean microseconds of computing per sweep; none where nothing was timed.
+    pub mean_us_per_sweep: Option<f64>,
+    /// 99th percentile of the same.
+    pub p99_us_per_sweep: Option<f64>,
+    /// From the last byte read to the pose written and shown; none where nothing was live.
+    pub latency: Option<Latency>,
+    /// Square metres of the map of which something is known.
+    pub map_m2: f64,
+    /// SHA-256 of `trajectory.tum`.
+    pub trajectory_sha256: String,
+    /// SHA-256 of `map.pgm`.
+    pub map_sha256: String,
+    /// The wheels as the run found them; none where the method does not estimate them.
+    pub calibration: Option<Calibration>,
+    /// The wheel encoders that were broken at the end.
+    pub encoder_faults: Vec<EncoderFault>,
+    /// What is known of the place in a known map; none where it was not sought.
+    pub position: Option<PositionEvent>,
+    /// Errors against the true path, where it is known.
+    #[serde(flatten)]
+    pub accuracy: Option<Accuracy>,
+    /// The fault detector against the true faults, where they are known.
+    #[serde(flatten)]
+    pub faults: Option<FaultScore>,
+}
+
+/// A broken wheel encoder.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct EncoderFault {
+    /// `left` or `right`.
+    pub wheel: &'static str,
+    /// `dead` or `reversed`.
+    pub state: &'static str,
+    /// Seconds of the session at which it was found.
+    pub found_s: f64,
+    /// In words.
+    pub reason: String,
+}
+
+impl EncoderFault {
+    pub(super) fn new(event: &EncoderEvent) -> Self {
+        Self {
+            wheel: event.wheel.word(),
+            state: event.state.word(),
+            found_s: event.at.seconds(),
+            reason: event.reason.clone(),
+        }
+    }
+}
+
+/// How late poses were, milliseconds.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Latency {
+    /// Half of them at most.
+    pub p50_ms: f64,
+    /// All but one in a hundred.
+    pub p99_ms: f64,
+    /// All but one in a thousand.
+    pub p999_ms: f64,
+    /// The latest.
+    pub max_ms: f64,
+}
+
+impl fmt::Display for Latency {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { p50_ms, p99_ms, p999_ms, max_ms } = self;
+        write!(f, "byte to pose {p50_ms:.2} ms, p99 {p99_ms:.2}, p99.9 {p999_ms:.2}, greatest {max_ms:.2}")
+    }
+}
+
+impl Summary {
+    pub(super) fn new(counters: Counters) -> Self {
+        Self {
+            sweeps: counters.sweeps,
+            dropped: counters.dropped_sweeps,
+            crc_errors: counters.crc_errors,
+            lost_frames: counters.lost_frames,
+            lock_losses: 0,
+            uncertain_s: 0.0,
+            mean_us_per_sweep: None,
+            p99_us_per_sweep: None,
+            latency: None,
+            map_m2: 0.0,
+            trajectory_sha256: String::new(),
+            map_sha256: String::new(),
+            calibration: None,
+            encoder_faults: Vec::new(),
+            position: None,
+            accuracy: None,
+            faults: None,
+        }
+    }
+
+    /// The JSON text of `summary.json`.
+    ///
+    /// # Panics
+    /// Never: numbers and strings have a JSON form.
+    #[must_use]
+    pub fn to_json(&self) -> String {
+        serde_json::to_string_pretty(self).expect("numbers and strings") + "\n"
+    }
+}
+
+/// Times of sweeps in constant memory, to three digits.
+pub(super) struct Timings {
+    nanoseconds: Histogram<u64>,
+}
+
+impl Timings {
+    pub(super) fn new() -> Self {
+        let nanoseconds = Histogram::new_with_bounds(1, MAX_NS, 3).expect("bounds and digits are in the crate's range");
+        Self { nanoseconds }
+    }
+
+    pub(super) fn add(&mut self, elapsed: Duration) {
+        self.nanoseconds.saturating_record(u64::try_from(elapsed.as_nanos()).unwrap_or(MAX_NS));
+    }
+
+    /// The same as how late poses were.
+    pub(super) fn latency(&self) -> Option<Latency> {
+        let ms = |ns: u64| 1e-6 * ns as f64;
+        let quantile = |share| ms(self.nanoseconds.value_at_quantile(share));
+        (!self.nanoseconds.is_empty()).then(|| Latency {
+            p50_ms: quantile(0.5),
+            p99_ms: quantile(0.99),
+            p999_ms: quantile(0.999),
+            max_ms: ms(self.nanoseconds.max()),
+        })
+    }
+
+    /// Mean and 99th percentile, microseconds.
+    pub(super) fn mean_and_p99_us(&self) -> Option<(f64, f64)> {
+        let p99_ns = self.nanoseconds.value_at_quantile(0.99) as f64;
+        (!self.nanoseconds.is_empty()).then(|| (self.nanoseconds.mean() / 1000.0, p99_ns / 1000.0))
+    }
+}
+
+/// Longer times count as a minute.
+const MAX_NS: u64 = 60_000_000_000;

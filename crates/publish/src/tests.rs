@@ -1,0 +1,118 @@
+use super::*;
+use nalgebra::Matrix3;
+use slamd_core::event::{Estimate, FaultEvent, FaultKind};
+use slamd_core::geometry::Point;
+use std::fs;
+
+/// A flat of three rooms with a path, an odometry that drifts off, and the truth.
+fn run(folder: &Path) -> Summary {
+    let mut outputs = Outputs::create(folder).unwrap();
+    outputs.true_faults(vec!["7:saturated@5s".parse().unwrap()]);
+    for k in 0..600u32 {
+        let at = Timestamp::from_us(u64::from(k) * 100_000);
+        let turn = f64::from(k) * 0.0157;
+        let (sin, cos) = libm::sincos(turn);
+        let truth = Pose2::new(1.2 + 3.2 * sin, 0.4 + 1.6 * libm::sin(2.0 * turn), turn);
+        let pose = Pose2::new(truth.x_m + 0.04 * cos, truth.y_m + 0.03 * sin, turn + 0.01 * sin);
+        let odometry = Pose2::new(0.0, 0.0, 0.0008 * f64::from(k)) * pose;
+        outputs.truth(at, truth).unwrap();
+        if k == 120 || k == 300 {
+            let sensor = if k == 120 { 7 } else { 19 };
+            let state = SensorState::Faulty(if k == 120 { FaultKind::Saturated } else { FaultKind::Noisy });
+            outputs.event(&Event::Fault(FaultEvent { at, sensor, state, reason: String::new() }));
+        }
+        let covariance = Matrix3::zeros();
+        outputs.event(&Event::Estimate(Estimate { at, sweep: u64::from(k), pose, covariance, odometry, nis: 1.0 }));
+        outputs.timing(Duration::from_micros(u64::from(k % 50)));
+    }
+    let mut states = vec![SensorState::Healthy; 32];
+    states[7] = SensorState::Faulty(FaultKind::Saturated);
+    states[19] = SensorState::Faulty(FaultKind::Noisy);
+    let state = FinalState {
+        config: &Config::default(),
+        raster: &flat(),
+        ring: &Ring::circle(32, 0.15, 0.218, 4),
+        states: &states,
+        counters: Counters { sweeps: 600, crc_errors: 3, ..Counters::default() },
+        calibration: None,
+    };
+    outputs.finish(&state).unwrap()
+}
+
+fn flat() -> Raster {
+    let (width, height, cell_m) = (240, 160, 0.05);
+    let origin = Point::new(-4.0, -3.5);
+    let cell = |index: usize| {
+        let (x, y) = (origin.x + (index % width) as f64 * cell_m, origin.y + (index / width) as f64 * cell_m);
+        let noise = (index * 7919 % 101) as f64 * 0.004;
+        let inside = x > -2.6 + noise && x < 5.0 - noise && y > -2.0 + noise && y < 3.0 - noise;
+        let outer = !(x > -2.5 && x < 4.9 && y > -1.9 && y < 2.9);
+        let inner =
+            (x - 1.2).abs() < 0.05 && !(-0.3..1.1).contains(&y) || (x - 3.0).abs() < 0.3 && (y - 2.0).abs() < 0.3;
+        match (inside, outer || inner) {
+            (false, _) => Raster::UNKNOWN,
+            (true, true) => 70 + i8::try_from(index % 30).unwrap(),
+            (true, false) => i8::try_from(index * 31 % 25).unwrap(),
+        }
+    };
+    Raster { width, height, cell_m, origin, occupancy: (0..width * height).map(cell).collect() }
+}
+
+#[test]
+fn a_run_leaves_whole_files_and_a_summary() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("new/out");
+    let summary = run(&out);
+    let mut names: Vec<_> =
+        fs::read_dir(&out).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    let expected =
+        "config.toml faults.csv lock.csv map.pgm map.png map.yaml odometry.tum summary.json trajectory.tum truth.tum";
+    assert_eq!(names.join(" "), expected);
+    let trajectory = fs::read_to_string(out.join("trajectory.tum")).unwrap();
+    assert_eq!(trajectory.lines().count(), 600);
+    assert_eq!(
+        fs::read_to_string(out.join("faults.csv")).unwrap().lines().nth(1),
+        Some("12.000000,7,faulty,saturated")
+    );
+
+    let json: serde_json::Value = serde_json::from_slice(&fs::read(out.join("summary.json")).unwrap()).unwrap();
+    assert_eq!(json["sweeps"], 600);
+    assert_eq!(json["trajectory_sha256"].as_str().unwrap().len(), 64);
+    let ate_m = json["ate_m"].as_f64().unwrap();
+    assert!(ate_m > 0.01 && ate_m < 0.1, "{ate_m}");
+    assert!(
+        summary.faults.unwrap().fault_recall.unwrap() > 0.8 && summary.faults.unwrap().fault_precision.unwrap() < 0.7
+    );
+    assert!((summary.p99_us_per_sweep.unwrap() - 49.0).abs() < 0.1);
+}
+
+#[test]
+fn equal_runs_have_equal_hashes() {
+    let folder = tempfile::tempdir().unwrap();
+    let (a, b) = (run(&folder.path().join("a")), run(&folder.path().join("b")));
+    assert_eq!((a.trajectory_sha256, a.map_sha256), (b.trajectory_sha256, b.map_sha256));
+}
+
+#[test]
+fn without_truth_the_summary_has_no_errors() {
+    let folder = tempfile::tempdir().unwrap();
+    let state = FinalState {
+        config: &Config::default(),
+        raster: &Raster::default(),
+        ring: &Ring::default(),
+        states: &[],
+        counters: Counters::default(),
+        calibration: Some(Calibration { wheel_ratio: 1.01, wheel_base_m: 0.26, ..Calibration::default() }),
+    };
+    let text = Outputs::create(folder.path()).unwrap().finish(&state).unwrap().to_json();
+    assert!(!text.contains("ate_m") && !text.contains("fault_") && text.contains("\"wheel_ratio\": 1.01"), "{text}");
+    assert!(!folder.path().join("truth.tum").exists());
+}
+
+#[test]
+fn a_folder_that_cannot_be_made_is_named() {
+    let file = tempfile::NamedTempFile::new().unwrap();
+    let error = Outputs::create(&file.path().join("out")).err().unwrap().to_string();
+    assert!(error.contains("/out: "), "{error}");
+}

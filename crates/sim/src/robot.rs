@@ -1,0 +1,190 @@
+//! The true robot: a differential drive that is not quite as its drawing says, and two encoders that do not see it slip.
+
+use super::random::Random;
+use slamd_core::geometry::Pose2;
+use std::f64::consts::TAU;
+
+/// Seconds of one step; wheel speeds are constant within it.
+pub const STEP_S: f64 = 0.005;
+/// Microseconds of one step.
+pub const STEP_US: u64 = 5_000;
+/// Radius of both wheels by the drawing, metres: the configuration's default.
+pub const NOMINAL_WHEEL_RADIUS_M: f64 = 0.035;
+/// Distance between the wheels by the drawing, metres: the configuration's default.
+pub const NOMINAL_WHEEL_BASE_M: f64 = 0.26;
+/// Encoder ticks per turn of a wheel.
+pub const TICKS_PER_TURN: u32 = 1440;
+/// Radius of the robot's body, metres.
+pub const BODY_RADIUS_M: f64 = 0.17;
+
+/// Relative difference between the true wheels.
+const WHEEL_MISMATCH: f64 = 0.01;
+/// Relative error of the wheel base.
+const BASE_ERROR: f64 = 0.02;
+/// Slip of one wheel: standard deviation in metres after one metre; it grows with the root of the way.
+const SLIP_M: f64 = 0.005;
+/// Fastest changes of speed, metres per second squared, and of turn rate, radians per second squared.
+const ACCELERATION: f64 = 0.8;
+const TURN_ACCELERATION: f64 = 4.0;
+
+/// What the robot is told to do.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Twist {
+    /// Speed forward, metres per second.
+    pub forward_m_s: f64,
+    /// Turn rate counter-clockwise, radians per second.
+    pub turn_rad_s: f64,
+}
+
+/// The true robot.
+#[derive(Clone, Debug)]
+pub struct Robot {
+    /// True radius of the left and the right wheel, metres.
+    radius_m: [f64; 2],
+    base_m: f64,
+    slip_m: f64,
+    twist: Twist,
+    /// The pose at the beginning of the present step and what the wheels do in it.
+    world_from_robot: Pose2,
+    turned_rad: [f64; 2],
+    step: WheelStep,
+    random: Random,
+}
+
+/// What the wheels do in one step.
+#[derive(Clone, Copy, Debug, Default)]
+struct WheelStep {
+    /// Radians each wheel turns.
+    turns_rad: [f64; 2],
+    /// Metres each wheel moves over the floor.
+    rolls_m: [f64; 2],
+}
+
+impl Robot {
+    /// A robot at rest whose deviations from its drawing are scaled by `odometry_errors`: 0 is perfect, 1 usual.
+    #[must_use]
+    pub fn new(world_from_robot: Pose2, odometry_errors: f64, mut random: Random) -> Self {
+        let mismatch = 0.5 * WHEEL_MISMATCH * odometry_errors * random.sign();
+        let base_error = BASE_ERROR * odometry_errors * random.sign();
+        Self {
+            radius_m: [1.0 + mismatch, 1.0 - mismatch].map(|scale| scale * NOMINAL_WHEEL_RADIUS_M),
+            base_m: NOMINAL_WHEEL_BASE_M * (1.0 + base_error),
+            slip_m: SLIP_M * odometry_errors,
+            twist: Twist::default(),
+            world_from_robot,
+            turned_rad: [0.0; 2],
+            step: WheelStep::default(),
+            random,
+        }
+    }
+
+    /// True radii of the left and the right wheel and the true base, metres.
+    #[must_use]
+    pub fn true_sizes_m(&self) -> [f64; 3] {
+        [self.radius_m[0], self.radius_m[1], self.base_m]
+    }
+
+    /// Ends the present step and begins the next, in which the wheels follow `command` as fast as they can.
+    pub fn step(&mut self, command: Twist) {
+        self.world_from_robot = self.pose(1.0);
+        for (turned, turn) in self.turned_rad.iter_mut().zip(self.step.turns_rad) {
+            *turned += turn;
+        }
+        let follow = |now: f64, wanted: f64, most: f64| now + (wanted - now).clamp(-most * STEP_S, most * STEP_S);
+        self.twist.forward_m_s = follow(self.twist.forward_m_s, command.forward_m_s, ACCELERATION);
+        self.twist.turn_rad_s = follow(self.twist.turn_rad_s, command.turn_rad_s, TURN_ACCELERATION);
+        let half = 0.5 * NOMINAL_WHEEL_BASE_M * self.twist.turn_rad_s;
+        let speeds = [self.twist.forward_m_s - half, self.twist.forward_m_s + half];
+        self.step.turns_rad = speeds.map(|speed| speed * STEP_S / NOMINAL_WHEEL_RADIUS_M);
+        for wheel in 0..2 {
+            let way_m = self.step.turns_rad[wheel] * self.radius_m[wheel];
+            self.step.rolls_m[wheel] = way_m + self.slip_m * way_m.abs().sqrt() * self.random.normal();
+        }
+    }
+
+    /// The true pose after `share` (0 to 1) of the present step.
+    #[must_use]
+    pub fn pose(&self, share: f64) -> Pose2 {
+        let [left_m, right_m] = self.step.rolls_m.map(|roll| share * roll);
+        self.world_from_robot.rolled(left_m, right_m, self.base_m)
+    }
+
+    /// Ticks of the left and the right encoder after `share` (0 to 1) of the present step.
+    #[must_use]
+    #[expect(clippy::cast_possible_truncation, reason = "2^31 ticks are 300 km")]
+    pub fn ticks(&self, share: f64) -> [i32; 2] {
+        [0, 1].map(|wheel| {
+            let angle_rad = self.turned_rad[wheel] + share * self.step.turns_rad[wheel];
+            libm::floor(angle_rad / TAU * f64::from(TICKS_PER_TURN)) as i32
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Stream;
+    use slamd_core::config::Config;
+
+    fn driven(odometry_errors: f64, seed: u64, twist: Twist, seconds: u32) -> Robot {
+        let mut robot = Robot::new(Pose2::default(), odometry_errors, Random::new(seed, Stream::Robot));
+        (0..seconds * 200).for_each(|_| robot.step(twist));
+        robot
+    }
+
+    /// What an observer with the drawing and the encoders believes.
+    fn believed(robot: &Robot) -> [f64; 2] {
+        robot.ticks(1.0).map(|ticks| f64::from(ticks) / f64::from(TICKS_PER_TURN) * TAU * NOMINAL_WHEEL_RADIUS_M)
+    }
+
+    #[test]
+    fn the_drawing_is_the_default_configuration() {
+        let robot = Config::default().robot;
+        assert!((robot.wheel_radius_m - NOMINAL_WHEEL_RADIUS_M).abs() < 1e-12);
+        assert!((robot.wheel_base_m - NOMINAL_WHEEL_BASE_M).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_perfect_robot_is_where_its_encoders_say() {
+        let robot = driven(0.0, 1, Twist { forward_m_s: 0.3, turn_rad_s: 0.4 }, 10);
+        let [left_m, right_m] = believed(&robot);
+        let turn = (right_m - left_m) / NOMINAL_WHEEL_BASE_M;
+        let truth = robot.pose(1.0).theta_rad;
+        assert!(slamd_core::geometry::wrap_angle(turn - truth).abs() < 0.002, "{turn} {truth}");
+        assert!((0.5 * (left_m + right_m) - 3.0).abs() < 0.06);
+    }
+
+    #[test]
+    fn the_usual_robot_deviates_as_stated() {
+        for seed in 0..4 {
+            let [left_m, right_m, base_m] = driven(1.0, seed, Twist::default(), 0).true_sizes_m();
+            assert!(((left_m / right_m - 1.0).abs() - 0.01).abs() < 1e-4);
+            assert!(((base_m / NOMINAL_WHEEL_BASE_M - 1.0).abs() - 0.02).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn slip_has_the_stated_spread() {
+        let straight = Twist { forward_m_s: 0.3, turn_rad_s: 0.0 };
+        let off: Vec<f64> = (0..100)
+            .map(|seed| {
+                let robot = driven(1.0, seed, straight, 2);
+                let [left_m, right_m, base_m] = robot.true_sizes_m();
+                let [left_turns, right_turns] = believed(&robot).map(|way| way / NOMINAL_WHEEL_RADIUS_M);
+                robot.pose(1.0).theta_rad - (right_turns * right_m - left_turns * left_m) / base_m
+            })
+            .collect();
+        let rms = (off.iter().map(|x| x * x).sum::<f64>() / off.len() as f64).sqrt();
+        // Two wheels of 5 mm per root metre after 0.54 m on a base of 0.26 m.
+        let expected = SLIP_M * (2.0 * 0.54_f64).sqrt() / NOMINAL_WHEEL_BASE_M;
+        assert!((rms / expected - 1.0).abs() < 0.25, "{rms} {expected}");
+    }
+
+    #[test]
+    fn poses_between_steps_lie_on_the_way() {
+        let robot = driven(1.0, 3, Twist { forward_m_s: 0.3, turn_rad_s: 1.0 }, 3);
+        let (begin, middle, end) = (robot.pose(0.0), robot.pose(0.5), robot.pose(1.0));
+        let whole = (end.position() - begin.position()).norm();
+        assert!(((middle.position() - begin.position()).norm() / whole - 0.5).abs() < 0.01);
+    }
+}

@@ -1,0 +1,284 @@
+//! The simulated session: world, robot, beams, faults, board and line, stepped together.
+
+use super::board::{Board, SLOT_US};
+use super::encoder::{EncoderFault, Encoders};
+use super::explore::Explorer;
+use super::fault::{FaultMix, Faults, Reading, SensorFault};
+use super::link::{Link, LinkFaults};
+use super::misfit::Misfit;
+use super::random::{Random, Stream};
+use super::robot::{Robot, STEP_S, STEP_US, Twist};
+use super::sonar::{BeamShape, reading};
+use super::world::World;
+use slamd_capture::Record;
+use slamd_core::geometry::{Pose2, Ring};
+use slamd_core::time::Timestamp;
+use slamd_protocol::{FrameEncoder, Message, VERSION_MAJOR, VERSION_MINOR};
+use std::collections::VecDeque;
+use std::f64::consts::PI;
+use std::time::Duration;
+
+/// What to simulate.
+#[derive(Clone, Debug)]
+pub struct SimConfig {
+    /// The world.
+    pub world: World,
+    /// Every random number comes from it.
+    pub seed: u64,
+    /// Length of the session, seconds.
+    pub duration_s: f64,
+    /// The mix of faults.
+    pub mix: FaultMix,
+    /// Further faults.
+    pub faults: Vec<SensorFault>,
+    /// The beams' shape.
+    pub beam: BeamShape,
+    /// Sensors of the ring.
+    pub sensors: u8,
+    /// Scale of the odometry's errors: 0 is perfect, 1 usual.
+    pub odometry_errors: f64,
+    /// How far the board's clock is off, parts per million.
+    pub clock_drift_ppm: f64,
+    /// What the line does to bytes.
+    pub link: LinkFaults,
+}
+
+/// Radius of the sensors' circle, metres.
+const RING_RADIUS_M: f64 = 0.15;
+/// Groups of the ring: four slots make 10 sweeps a second.
+const GROUPS: u8 = 4;
+/// Every so many microseconds the encoders are sent, and the status.
+const ENCODER_US: u64 = 20_000;
+const STATUS_US: u64 = 1_000_000;
+/// The board boots this long, and says hello this often until the host answers.
+const BOOT: Timestamp = Timestamp::from_us(100_000);
+const HELLO_US: u64 = 100_000;
+/// The driver decides this often.
+const COMMAND_US: u64 = 50_000;
+/// Speed of sound for the sensor's motion during the flight; a degree more or less does not matter here.
+const SOUND_M_S: f64 = 344.0;
+
+/// A running simulation.
+#[derive(Debug)]
+pub struct Simulation {
+    world: World,
+    beam: BeamShape,
+    duration: Timestamp,
+    robot: Robot,
+    explorer: Explorer,
+    sonar_noise: Random,
+    misfits: Vec<Misfit>,
+    seed: u64,
+    faults: Faults,
+    encoders: Encoders,
+    board: Board,
+    link: Link,
+    command: Twist,
+    now_us: u64,
+    streaming_since_us: Option<u64>,
+    ready: Option<(u64, slamd_protocol::FrameBuf)>,
+    truths: VecDeque<(Timestamp, Pose2)>,
+}
+
+impl Simulation {
+    /// A session about to begin: the board has just booted and says hello.
+    #[must_use]
+    pub fn new(config: SimConfig) -> Self {
+        let random = |stream| Random::new(config.seed, stream);
+        let heading_rad = config.world.start_heading_rad.unwrap_or_else(|| random(Stream::Start).uniform(-PI, PI));
+        let start = Pose2::new(config.world.start.x, config.world.start.y, heading_rad);
+        let mut fault_random = random(Stream::Fault);
+        let mut schedule = config.mix.faults(config.sensors, &mut fault_random);
+        schedule.extend(config.faults);
+        let ring =
+            Ring::circle(config.sensors, RING_RADIUS_M, config.beam.half_angle_rad(), GROUPS.min(config.sensors));
+        let mut simulation = Self {
+            beam: config.beam,
+            duration: Timestamp::from_us(microseconds(config.duration_s)),
+            robot: Robot::new(start, config.odometry_errors, random(Stream::Robot)),
+            explorer: Explorer::new(&config.world, random(Stream::Explore)),
+            sonar_noise: random(Stream::Sonar),
+            misfits: vec![Misfit::default(); usize::from(config.sensors)],
+            seed: config.seed,
+            faults: Faults::new(schedule, config.sensors, fault_random),
+            encoders: Encoders::default(),
+            board: Board::new(ring, config.clock_drift_ppm, random(Stream::Board)),
+            link: Link::new(config.link, random(Stream::Link)),
+            command: Twist::default(),
+            now_us: 0,
+            streaming_since_us: None,
+            ready: None,
+            truths: VecDeque::new(),
+            world: config.world,
+        };
+        let hello = simulation.board.hello();
+        simulation.link.send(BOOT, &hello);
+        simulation
+    }
+
+    /// The same session with sensors that are not as drawn: readings too long and sensors turned, by as much as the seed draws
+    /// for each, with these standard deviations. Nothing else of the session changes.
+    #[must_use]
+    pub fn with_misfits(mut self, range_bias_m: f64, bearing_offset_rad: f64) -> Self {
+        let mut random = Random::new(self.seed, Stream::Mounting);
+        for misfit in &mut self.misfits {
+            *misfit = Misfit::draw(range_bias_m, bearing_offset_rad, &mut random);
+        }
+        self
+    }
+
+    /// The same session with broken wheel encoders.
+    #[must_use]
+    pub fn with_encoder_faults(mut self, faults: Vec<EncoderFault>) -> Self {
+        self.encoders = Encoders::new(faults);
+        self
+    }
+
+    /// How each sensor truly differs from its drawing.
+    #[must_use]
+    pub fn misfits(&self) -> &[Misfit] {
+        &self.misfits
+    }
+
+    /// The true faults.
+    #[must_use]
+    pub fn faults(&self) -> &[SensorFault] {
+        self.faults.schedule()
+    }
+
+    /// The end of the session.
+    #[must_use]
+    pub fn duration(&self) -> Timestamp {
+        self.duration
+    }
+
+    /// The host has written bytes to the board.
+    pub fn hear(&mut self, at: Timestamp, bytes: &[u8]) {
+        for answer in self.board.hear(at, bytes) {
+            self.link.send(at, &answer);
+        }
+    }
+
+    /// The board's supply breaks down for a moment; the robot stops until it is asked for readings again.
+    pub fn restart_board(&mut self) {
+        let at = Timestamp::from_us(self.now_us);
+        (self.command, self.streaming_since_us, self.ready) = (Twist::default(), None, None);
+        let hello = self.board.restart(at, self.encoders.counts(at.seconds(), self.robot.ticks(0.0)));
+        self.link.send(at, &hello);
+    }
+
+    /// The board's clock goes on by `span` while nothing is measured and the robot stays where it is: the host sleeps.
+    pub fn pass(&mut self, span: Duration) {
+        self.board.pass(span);
+    }
+
+    /// The next thing that happens by `now`; the simulation runs on as far as needed. None where nothing more does.
+    pub fn poll(&mut self, now: Timestamp) -> Option<Record> {
+        let end_us = now.min(self.duration).us();
+        while self.now_us + STEP_US <= end_us {
+            self.step();
+        }
+        let now = Timestamp::from_us(end_us);
+        let truth_at = self.truths.front().map(|(at, _)| *at).filter(|at| *at <= now);
+        let chunk_at = self.link.next_at().filter(|at| *at <= now);
+        if truth_at.is_some() && (chunk_at.is_none() || truth_at <= chunk_at) {
+            return self.truths.pop_front().map(|(at, pose)| Record::Truth { at, pose });
+        }
+        self.link.receive(now).map(|(at, bytes)| Record::Received { at, bytes })
+    }
+
+    /// Five milliseconds of everything. The robot stands still until the host asks for readings.
+    fn step(&mut self) {
+        let at = Timestamp::from_us(self.now_us);
+        if let Some((_, frame)) = self.ready.take_if(|(due_us, _)| *due_us <= at.us()) {
+            self.link.send(at, &frame);
+        }
+        if !self.board.is_greeted() && at > BOOT && at.us().is_multiple_of(HELLO_US) {
+            let hello = self.board.hello();
+            self.link.send(at, &hello);
+        }
+        if self.board.is_streaming() {
+            let since_us = at.us() - *self.streaming_since_us.get_or_insert_with(|| at.us());
+            if since_us.is_multiple_of(COMMAND_US) {
+                self.command = self.explorer.command(&self.world, self.robot.pose(0.0), at.seconds());
+            }
+            if since_us.is_multiple_of(SLOT_US) {
+                self.fire(at, since_us / SLOT_US);
+            }
+            if since_us.is_multiple_of(ENCODER_US) {
+                let frame = self.board.encoders(at, self.encoders.counts(at.seconds(), self.robot.ticks(0.0)));
+                self.link.send(at, &frame);
+            }
+            if since_us.is_multiple_of(STATUS_US) {
+                let frame = self.board.status(at);
+                self.link.send(at, &frame);
+            }
+        }
+        self.robot.step(self.command);
+        self.now_us += STEP_US;
+    }
+
+    /// One group's pings, ready to be sent when the slot is over.
+    fn fire(&mut self, at: Timestamp, slot: u64) {
+        let groups = u64::from(self.board.ring().mountings.iter().map(|m| m.group).max().unwrap_or(0)) + 1;
+        let group = u8::try_from(slot % groups).unwrap_or(0);
+        let is_last = slot % groups == groups - 1;
+        let mut readings: Vec<(u8, Reading)> = Vec::new();
+        for (sensor, mounting) in (0u8..).zip(&self.board.ring().mountings) {
+            if mounting.group != group {
+                continue;
+            }
+            let misfit = self.misfits[usize::from(sensor)];
+            let true_place = misfit.turned(mounting.robot_from_sensor);
+            let distance = |share: f64| self.beam.distance(&self.world, self.robot.pose(share) * true_place);
+            // The sound turns back half a flight after the trigger.
+            let true_m = distance(0.0).and_then(|m| distance(m / SOUND_M_S / STEP_S));
+            let read_m = misfit.read(reading(true_m, &mut self.sonar_noise));
+            readings.push((sensor, self.faults.apply(sensor, at.seconds(), read_m)));
+        }
+        let ticks = self.encoders.counts(at.seconds(), self.robot.ticks(0.0));
+        let frame = self.board.sonar(at, group, is_last, ticks, &readings);
+        self.ready = Some((at.us() + SLOT_US - STEP_US, frame));
+        if is_last {
+            self.truths.push_back((at, self.robot.pose(0.0)));
+        }
+    }
+}
+
+/// The whole session with a host that does what the daemon does: asks who is there, where the sensors are, for readings, and
+/// for the time once a second.
+pub fn session(mut simulation: Simulation) -> impl Iterator<Item = Record> {
+    let mut encoder = FrameEncoder::default();
+    let mut script: VecDeque<(u64, Message)> = VecDeque::from([
+        (200_000, Message::HelloRequest { major: VERSION_MAJOR, minor: VERSION_MINOR }),
+        (250_000, Message::GeometryRequest),
+        (350_000, Message::Start),
+    ]);
+    let mut now_us = 0;
+    let mut token = 0u16;
+    std::iter::from_fn(move || {
+        loop {
+            if let Some(record) = simulation.poll(Timestamp::from_us(now_us)) {
+                return Some(record);
+            }
+            if now_us >= simulation.duration().us() {
+                return None;
+            }
+            if let Some((_, message)) = script.pop_front_if(|(due_us, _)| *due_us <= now_us) {
+                let (at, bytes) = (Timestamp::from_us(now_us), encoder.encode(&message).to_vec());
+                simulation.hear(at, &bytes);
+                return Some(Record::Sent { at, bytes });
+            }
+            now_us += STEP_US;
+            if now_us % 1_000_000 == 400_000 {
+                token = token.wrapping_add(1);
+                script.push_back((now_us, Message::TimeRequest { token }));
+            }
+        }
+    })
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a positive duration in seconds")]
+fn microseconds(seconds: f64) -> u64 {
+    (seconds.max(0.0) * 1e6) as u64
+}

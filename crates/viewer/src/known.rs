@@ -1,0 +1,85 @@
+//! What a sink knows by now: enough to show everything anew to a viewer that comes, or comes back, later.
+
+use super::chart::Chart;
+use super::snapshot::Snapshot;
+use super::trail::Trail;
+use slamd_core::event::SensorState;
+use slamd_core::geometry::{Pose2, Ring, Segment, wrap_angle};
+use slamd_core::rates::{RateMeter, Rates};
+use slamd_core::time::Timestamp;
+use slamd_metrics::AccuracyMeter;
+use std::sync::Arc;
+
+/// Everything that is not replaced with the next sweep.
+#[derive(Debug, Default)]
+pub(super) struct Known {
+    /// The map.
+    pub(super) chart: Chart,
+    /// The paths: truth, odometry, estimate; map frame.
+    pub(super) trails: [Trail; 3],
+    /// The ring.
+    pub(super) ring: Arc<Ring>,
+    /// Each sensor's state, and whether it was ever faulty.
+    pub(super) sensors: Vec<(SensorState, bool)>,
+    /// Whether the robot does not know where it is; none before it ever knew.
+    pub(super) is_lost: Option<bool>,
+    /// The walls.
+    pub(super) segments: Option<Arc<[Segment]>>,
+    /// Headings, unwrapped, radians: estimated and of the encoders alone.
+    pub(super) headings_rad: [f64; 2],
+    /// How much per second, lately.
+    pub(super) rates: Rates,
+    /// The newest sweep.
+    pub(super) newest: Option<Arc<Snapshot>>,
+    meter: RateMeter,
+    accuracy: AccuracyMeter,
+    map_from_odom: Option<Pose2>,
+    /// True poses from before the first estimate, world frame.
+    early: Vec<Pose2>,
+}
+
+/// The first estimate comes within seconds of driving; what is older is forgotten.
+const MAX_EARLY: usize = 2_000;
+
+impl Known {
+    /// Takes a sweep. The odometry's path begins where the estimate's does, and then goes its own way.
+    pub(super) fn take(&mut self, snapshot: &Arc<Snapshot>) {
+        if let Some(estimate) = &snapshot.estimate {
+            let map_from_odom = *self.map_from_odom.get_or_insert_with(|| estimate.pose * estimate.odometry.inverse());
+            let odometry = map_from_odom * estimate.odometry;
+            self.trails[1].push(odometry.position());
+            self.trails[2].push(estimate.pose.position());
+            for (heading_rad, pose) in self.headings_rad.iter_mut().zip([estimate.pose, odometry]) {
+                *heading_rad += wrap_angle(pose.theta_rad - *heading_rad);
+            }
+            self.accuracy.estimate(estimate.at, estimate.pose);
+            self.is_lost = Some(snapshot.is_lost);
+            self.show_early();
+        }
+        if !snapshot.beams.is_empty() {
+            self.rates = self.meter.rates(snapshot.at, snapshot.counters);
+            self.newest = Some(Arc::clone(snapshot));
+        }
+        if let Some(segments) = &snapshot.segments {
+            self.segments = Some(Arc::clone(segments));
+        }
+    }
+
+    /// Takes a true pose, world frame. World and map meet at the first estimate, as in the accuracy figures.
+    pub(super) fn truth(&mut self, at: Timestamp, pose: Pose2) {
+        self.accuracy.truth(at, pose);
+        if self.early.len() < MAX_EARLY {
+            self.early.push(pose);
+        }
+        self.show_early();
+    }
+
+    fn show_early(&mut self) {
+        if let Some(world_from_map) = self.accuracy.world_from_map() {
+            let map_from_world = world_from_map.inverse();
+            for pose in self.early.drain(..) {
+                self.trails[0].push(map_from_world.transform(pose.position()));
+            }
+        }
+    }
+}

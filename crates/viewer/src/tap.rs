@@ -1,0 +1,146 @@
+//! The pipeline's thread: copies what is small, leaves it for the sinks, goes on.
+
+use super::mailbox::{Mailbox, NewMap, Update};
+use super::snapshot::Snapshot;
+use slamd_core::driver::{Context, Update};
+use slamd_core::event::{Estimate, Event, LockChange, LockEvent, PositionEvent};
+use slamd_core::geometry::Ring;
+use slamd_core::mapping::grid::MapChange;
+use slamd_core::pipeline::Pipeline;
+use slamd_core::time::Timestamp;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Watches a session.
+pub struct Tap {
+    mailboxes: Vec<Mailbox>,
+    ring: Arc<Ring>,
+    /// An estimate that has not been shown.
+    estimate: Option<Estimate>,
+    /// The last sweep shown.
+    sweep: Option<u64>,
+    is_lost: bool,
+    map_revision: u64,
+    mapped: Option<Timestamp>,
+    walled: Option<Timestamp>,
+    true_at: Option<Timestamp>,
+}
+
+/// Between two looks at the map, seconds of the session; half a period later the walls are looked at.
+const MAP_PERIOD_S: f64 = 1.0;
+/// Between two true poses, seconds.
+const TRUTH_PERIOD_S: f64 = 0.1;
+
+impl Tap {
+    /// A tap that fills these.
+    #[must_use]
+    pub(super) fn new(mailboxes: Vec<Mailbox>) -> Self {
+        Self {
+            mailboxes,
+            ring: Arc::default(),
+            estimate: None,
+            sweep: None,
+            is_lost: false,
+            map_revision: 0,
+            mapped: None,
+            walled: None,
+            true_at: None,
+        }
+    }
+
+    /// Takes what happens.
+    pub fn see(&mut self, scene: &Context<'_>, sight: Update<'_>) {
+        match sight {
+            Update::Event(Event::Estimate(estimate)) => {
+                // The first poses come all at once, when the axis is found; only the last one's sweep is still there.
+                if let Some(earlier) = self.estimate.replace(*estimate) {
+                    self.show(scene, earlier.at, earlier.sweep, Some(earlier));
+                }
+            }
+            Update::Event(Event::Lock(LockEvent { change, .. })) => self.is_lost = *change == LockChange::Lost,
+            Update::Event(Event::Position(PositionEvent { is_known, .. })) => self.is_lost = !is_known,
+            Update::Event(_) => {}
+            Update::Truth(at, pose) => {
+                if self.true_at.is_none_or(|last| at.seconds_since(last) >= TRUTH_PERIOD_S) {
+                    self.true_at = Some(at);
+                    self.offer(&Update::Truth(at, pose));
+                }
+            }
+            Update::Input => self.sweep(scene),
+        }
+    }
+
+    /// Shows the newest sweep, if it is new.
+    fn sweep(&mut self, scene: &Context<'_>) {
+        let Some(sweep) = scene.pipeline.sweep() else { return };
+        let estimate = self.estimate.take();
+        if self.sweep == Some(sweep.index) && estimate.is_none() {
+            return;
+        }
+        if let Some(earlier) = estimate.filter(|estimate| estimate.sweep != sweep.index) {
+            self.show(scene, earlier.at, earlier.sweep, Some(earlier));
+        }
+        if self.sweep.replace(sweep.index) != Some(sweep.index) {
+            self.look_at_map(scene.pipeline, sweep.at);
+            self.show(scene, sweep.at, sweep.index, estimate.filter(|estimate| estimate.sweep == sweep.index));
+        }
+    }
+
+    fn show(&mut self, scene: &Context<'_>, at: Timestamp, sweep: u64, estimate: Option<Estimate>) {
+        if let Some(ring) = scene.pipeline.ring().filter(|ring| **ring != *self.ring) {
+            self.ring = Arc::new(ring.clone());
+        }
+        let is_newest = self.sweep == Some(sweep);
+        let is_time = self.walled.is_none_or(|last| at.seconds_since(last) >= MAP_PERIOD_S);
+        let segments = (is_newest && is_time).then(|| scene.pipeline.segments().into());
+        if segments.is_some() {
+            self.walled = Some(at);
+        }
+        let snapshot = Snapshot {
+            at,
+            sweep,
+            estimate,
+            beams: if is_newest { Snapshot::beams(scene.pipeline) } else { Vec::new() },
+            ring: Arc::clone(&self.ring),
+            is_lost: self.is_lost,
+            segments,
+            counters: scene.pipeline.counters(),
+            latency: Duration::from_secs_f64(scene.now.seconds_since(at).max(0.0)),
+            took: scene.took,
+        };
+        self.offer(&Update::Snapshot(Arc::new(snapshot)));
+    }
+
+    fn look_at_map(&mut self, pipeline: &Pipeline, at: Timestamp) {
+        if self.mapped.is_some_and(|last| at.seconds_since(last) < MAP_PERIOD_S) {
+            return;
+        }
+        let begins = self.mapped.replace(at).is_none();
+        if begins {
+            self.walled = Some(Timestamp::from_us(at.us().saturating_sub(500_000)));
+        }
+        let Some((change, next)) = pipeline.map_since(self.map_revision) else { return };
+        self.map_revision = next;
+        match change {
+            MapChange::Patches(cell_m, patches) => {
+                let patches: Vec<_> = patches.into_iter().map(Arc::new).collect();
+                self.update_map(|map| {
+                    map.cell_m = cell_m;
+                    map.patches.extend(patches.iter().map(|patch| ((patch.column, patch.row), Arc::clone(patch))));
+                });
+            }
+            MapChange::Whole(raster) => {
+                let raster = Arc::new(raster);
+                self.update_map(|map| map.whole = Some(Arc::clone(&raster)));
+            }
+        }
+    }
+
+    fn update_map(&self, update: impl Fn(&mut NewMap)) {
+        self.mailboxes.iter().for_each(|mailbox| mailbox.update_map(&update));
+    }
+
+    fn offer(&self, news: &Update) {
+        self.mailboxes.iter().for_each(|mailbox| mailbox.offer(news.clone()));
+    }
+}

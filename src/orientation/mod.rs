@@ -1,6 +1,0 @@
-//! Orientation: the directions of a building's walls, and from them the robot's heading.
-
-pub mod dominant_directions;
-pub mod heading;
-pub mod hough;
-pub mod start;
