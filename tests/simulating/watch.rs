@@ -39,7 +39,9 @@ impl Watch {
                 assert_eq!(*at, scene.now);
             }
             Event::Fault(fault) => assert!(fault.at <= scene.now, "{fault:?} at {:?}", scene.now),
-            Event::Lock(lock) => assert!(lock.since <= lock.at && lock.at <= scene.now, "{lock:?} at {:?}", scene.now),
+            Event::Localization(event) => {
+                assert!(event.since <= event.at && event.at <= scene.now, "{event:?} at {:?}", scene.now);
+            }
             _ => {}
         }
         self.events.push(event.clone());
