@@ -5,6 +5,7 @@ use crate::time::Timestamp;
 use bytes::Bytes;
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
+use std::str::FromStr;
 
 /// One input. Times never run back.
 #[derive(Clone, Copy, Debug)]
@@ -201,6 +202,9 @@ pub enum FaultKind {
 }
 
 impl FaultKind {
+    /// All kinds, in the order of every table.
+    pub const ALL: [Self; 4] = [Self::Saturated, Self::Missing, Self::Noisy, Self::Stuck];
+
     /// The word used in files and on the command line.
     #[must_use]
     pub const fn word(self) -> &'static str {
@@ -210,6 +214,19 @@ impl FaultKind {
             Self::Noisy => "noisy",
             Self::Stuck => "stuck",
         }
+    }
+}
+
+/// The word is not a kind of fault.
+#[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
+#[error("unknown fault kind \"{0}\": it is saturated, missing, noisy or stuck")]
+pub struct UnknownFaultKind(String);
+
+impl FromStr for FaultKind {
+    type Err = UnknownFaultKind;
+
+    fn from_str(word: &str) -> Result<Self, UnknownFaultKind> {
+        Self::ALL.into_iter().find(|kind| kind.word() == word).ok_or_else(|| UnknownFaultKind(word.into()))
     }
 }
 
