@@ -65,7 +65,7 @@ impl Watch {
     pub fn link(&mut self, link: &mut Link) {
         while let Some(change) = link.poll_change() {
             assert!(change.at >= self.changed, "the link's time ran back from {:?}: {change:?}", self.changed);
-            assert!(!change.cause.is_empty(), "{change:?}: without a cause");
+            assert!(!change.cause.to_string().is_empty(), "{change:?}: without a cause");
             self.changed = change.at;
         }
     }
