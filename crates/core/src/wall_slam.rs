@@ -17,7 +17,7 @@ mod odometry_outage;
 mod relocalizer;
 
 use crate::config::Config;
-use crate::event::{Calibration, Estimate, Event, LockChange, LockEvent};
+use crate::event::{Calibration, Estimate, Event, LocalizationChange, LocalizationEvent};
 use crate::fault::detector::Detector;
 use crate::fault::encoder::EncoderWatch;
 use crate::geometry::{Placement, Point, Pose2, Ring, wrap_angle};
@@ -217,7 +217,11 @@ impl WallSlam {
         if self.can_tell && tracker.watch().is_lost() {
             let (since_sweep, since) = self.sure;
             self.lost = Some(Relocalizer::new(since, since_sweep, tracker.filter.pose(), sweep.odometry));
-            events.push(Event::Lock(LockEvent { at: sweep.at, since, change: LockChange::Lost }));
+            events.push(Event::Localization(LocalizationEvent {
+                at: sweep.at,
+                since,
+                change: LocalizationChange::Lost,
+            }));
         }
     }
 
@@ -233,16 +237,16 @@ impl WallSlam {
             if moved_m > HERE_M || turned_rad.abs() > HERE_RAD {
                 tracker.relocate(pose, lost.since_sweep);
             }
-            LockChange::Regained { moved_m, turned_rad }
+            LocalizationChange::Regained { moved_m, turned_rad }
         } else if tracker.watch().is_sure() && lost.may_be_wrong() {
-            LockChange::Regained { moved_m: 0.0, turned_rad: 0.0 }
+            LocalizationChange::Regained { moved_m: 0.0, turned_rad: 0.0 }
         } else if lost.is_hopeless() {
-            LockChange::Abandoned
+            LocalizationChange::Abandoned
         } else {
             return;
         };
         tracker.trust_anew();
-        events.push(Event::Lock(LockEvent { at: sweep.at, since: lost.since, change }));
+        events.push(Event::Localization(LocalizationEvent { at: sweep.at, since: lost.since, change }));
         self.lost = None;
     }
 
