@@ -211,10 +211,10 @@ impl WallSlam {
     /// Notices when what is heard contradicts the map.
     fn watch_lock(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
         let Some(tracker) = &mut self.tracker else { return };
-        if tracker.watch().is_sure() {
+        if tracker.monitor().is_sure() {
             self.sure = (sweep.index, sweep.at);
         }
-        if self.can_tell && tracker.watch().is_lost() {
+        if self.can_tell && tracker.monitor().is_lost() {
             let (since_sweep, since) = self.sure;
             self.lost = Some(Relocalizer::new(since, since_sweep, tracker.filter.pose(), sweep.odometry));
             events.push(Event::Lock(LockEvent { at: sweep.at, since, change: LockChange::Lost }));
@@ -234,7 +234,7 @@ impl WallSlam {
                 tracker.relocate(pose, lost.since_sweep);
             }
             LockChange::Regained { moved_m, turned_rad }
-        } else if tracker.watch().is_sure() && lost.may_be_wrong() {
+        } else if tracker.monitor().is_sure() && lost.may_be_wrong() {
             LockChange::Regained { moved_m: 0.0, turned_rad: 0.0 }
         } else if lost.is_hopeless() {
             LockChange::Abandoned
@@ -260,7 +260,7 @@ impl WallSlam {
             return;
         }
         let is_in_doubt =
-            !tracker.watch().is_sure() || tracker.filter.pose_covariance()[(2, 2)] > DOUBT_RAD * DOUBT_RAD;
+            !tracker.monitor().is_sure() || tracker.filter.pose_covariance()[(2, 2)] > DOUBT_RAD * DOUBT_RAD;
         let axis = if is_in_doubt { self.axis.find() } else { None };
         if let Some(axis) = axis.filter(|axis| axis.is_believed() && axis.angle_rad.abs() < CHECK_RAD) {
             tracker.filter.update_heading(-axis.angle_rad, AXIS_SIGMA_RAD * AXIS_SIGMA_RAD);

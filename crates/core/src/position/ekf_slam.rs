@@ -53,7 +53,7 @@ pub struct EkfSlam {
     /// The walls among the matches, each once.
     seen: Vec<usize>,
     expected: Vec<Option<f64>>,
-    pub(super) watch: LocalizationMonitor,
+    pub(super) monitor: LocalizationMonitor,
     turns: InnovationWhiteness,
     nis: f64,
 }
@@ -105,7 +105,7 @@ impl EkfSlam {
             matches: Vec::new(),
             seen: Vec::new(),
             expected: Vec::new(),
-            watch: LocalizationMonitor::default(),
+            monitor: LocalizationMonitor::default(),
             turns: InnovationWhiteness::default(),
             nis: f64::NAN,
         }
@@ -180,7 +180,7 @@ impl EkfSlam {
             self.matches.push(found);
             if observation.is_some() {
                 let is_known = found.is_some_and(|wall| self.walls[wall].hits >= WELL_KNOWN);
-                self.watch.weigh(is_known, self.expected_m(sensor), beam.range_m);
+                self.monitor.weigh(is_known, self.expected_m(sensor), beam.range_m);
             }
             self.associations.push(match (observation, found) {
                 (Some(observation), Some(_)) => Association::Wall(observation),
@@ -217,7 +217,7 @@ impl EkfSlam {
         }
         self.nis = nis_sum / seen;
         if !self.is_fixed {
-            if may_learn && !self.watch.is_doubtful() {
+            if may_learn && !self.monitor.is_doubtful() {
                 self.learn(sweep);
             }
             self.merge(sweep.index);
