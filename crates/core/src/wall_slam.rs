@@ -241,7 +241,7 @@ impl WallSlam {
         } else {
             return;
         };
-        tracker.trust_anew();
+        tracker.reset_monitor();
         events.push(Event::Lock(LockEvent { at: sweep.at, since: lost.since, change }));
         self.lost = None;
     }

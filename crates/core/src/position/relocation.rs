@@ -43,7 +43,7 @@ impl EkfSlam {
     }
 
     /// Forgets what contradicted the map.
-    pub fn trust_anew(&mut self) {
+    pub fn reset_monitor(&mut self) {
         self.monitor = LocalizationMonitor::default();
     }
 }

@@ -142,7 +142,7 @@ impl WallSlam {
             events.push(Event::Lock(LockEvent { at: sweep.at, since, change: LockChange::Lost }));
         }
         tracker.relocate(pose, since_sweep);
-        tracker.trust_anew();
+        tracker.reset_monitor();
         self.trail.clear();
         if is_dead {
             self.blind = Some(OdometryOutage { since, since_sweep, pose: Some(pose), way_m });
