@@ -130,7 +130,7 @@ impl WallSlam {
     /// Where the memory holds what cannot be.
     pub fn localized(self, memory: &SavedState, pose: Pose2, sigma_m: f64) -> Result<Self, InvalidState> {
         let mut tracker = EkfSlam::restore(memory)?;
-        tracker.fix_walls();
+        tracker.freeze_walls();
         tracker.filter.relocate(pose, sigma_m, AXIS_SIGMA_RAD);
         Ok(Self {
             tracker: Some(tracker),
@@ -271,7 +271,7 @@ impl WallSlam {
 
     /// Draws what the trusted beams heard.
     fn integrate_beam(&mut self, sweep: &Sweep) {
-        let Some(tracker) = self.tracker.as_ref().filter(|tracker| !tracker.is_fixed()) else { return };
+        let Some(tracker) = self.tracker.as_ref().filter(|tracker| !tracker.is_frozen()) else { return };
         let place = Placement::from(tracker.filter.pose());
         self.grid.revise();
         for (sensor, (beam, used)) in sweep.beams.iter().zip(tracker.associations()).enumerate() {

@@ -46,7 +46,7 @@ pub struct EkfSlam {
     pub(super) walls: Vec<WallLandmark>,
     pub(super) inactive: InactiveLandmarks,
     /// True where the walls are known and none is learnt or changed.
-    pub(super) is_fixed: bool,
+    pub(super) is_frozen: bool,
     pub(super) initializer: LandmarkInitializer,
     pub(super) associations: Vec<Association>,
     matches: Vec<Option<usize>>,
@@ -99,7 +99,7 @@ impl EkfSlam {
             filter: Filter::new(pose, heading_sigma_rad, nominal),
             walls: Vec::with_capacity(MAX_WALLS),
             inactive: InactiveLandmarks::default(),
-            is_fixed: false,
+            is_frozen: false,
             initializer: LandmarkInitializer::default(),
             associations: Vec::new(),
             matches: Vec::new(),
@@ -216,7 +216,7 @@ impl EkfSlam {
             }
         }
         self.nis = nis_sum / seen;
-        if !self.is_fixed {
+        if !self.is_frozen {
             if may_learn && !self.monitor.is_doubtful() {
                 self.learn(sweep);
             }
@@ -227,7 +227,7 @@ impl EkfSlam {
 
     /// Variance of a wall's fused noise.
     fn model_variance(&self) -> f64 {
-        let sigma_m = if self.is_fixed { FIXED_SIGMA_M } else { MODEL_SIGMA_M };
+        let sigma_m = if self.is_frozen { FIXED_SIGMA_M } else { MODEL_SIGMA_M };
         sigma_m * sigma_m
     }
 
@@ -305,7 +305,7 @@ impl EkfSlam {
             innovation += measurement.innovation / measurement.variance;
             edge += observation.edge_m / measurement.variance;
             robot += measurement.robot / measurement.variance;
-            if observation.oblique_rad < 0.1 && !self.is_fixed {
+            if observation.oblique_rad < 0.1 && !self.is_frozen {
                 let extent = &mut self.walls[wall];
                 extent.lo_m = extent.lo_m.min(observation.along_m);
                 extent.hi_m = extent.hi_m.max(observation.along_m);
