@@ -175,7 +175,7 @@ impl WallSlam {
         for _ in 0..CATCH_UP_SWEEPS {
             let (Some(tracker), Some(sweep)) = (&mut self.tracker, self.waiting.pop_front()) else { return };
             tracker.predict(sweep.left_m, sweep.right_m);
-            tracker.expect(&sweep);
+            tracker.predict_ranges(&sweep);
             self.follow(&sweep, events);
         }
     }

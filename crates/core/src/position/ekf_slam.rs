@@ -135,21 +135,21 @@ impl EkfSlam {
     }
 
     /// Works out at which range each beam must hear a wall that is well known and squarely in its cone.
-    pub fn expect(&mut self, sweep: &Sweep) {
+    pub fn predict_ranges(&mut self, sweep: &Sweep) {
         self.expected.clear();
         let place = Placement::from(self.filter.pose());
         for beam in &sweep.beams {
-            self.expected.push(self.expected_range(place, beam));
+            self.expected.push(self.predict_range(place, beam));
         }
     }
 
     /// That range, for one sensor of the sweep at hand.
     #[must_use]
-    pub fn expected_m(&self, sensor: usize) -> Option<f64> {
+    pub fn expected_range_m(&self, sensor: usize) -> Option<f64> {
         self.expected.get(sensor).copied().flatten()
     }
 
-    fn expected_range(&self, place: Placement, beam: &Beam) -> Option<f64> {
+    fn predict_range(&self, place: Placement, beam: &Beam) -> Option<f64> {
         let sensor = place * beam.robot_from_sensor;
         let (quarter, off_rad) = nearest_quarter(sensor.theta_rad);
         if off_rad.abs() > 0.7 * beam.half_angle_rad.max(0.1) {
@@ -180,7 +180,7 @@ impl EkfSlam {
             self.matches.push(found);
             if observation.is_some() {
                 let is_known = found.is_some_and(|wall| self.walls[wall].hits >= WELL_KNOWN);
-                self.monitor.weigh(is_known, self.expected_m(sensor), beam.range_m);
+                self.monitor.weigh(is_known, self.expected_range_m(sensor), beam.range_m);
             }
             self.associations.push(match (observation, found) {
                 (Some(observation), Some(_)) => Association::Wall(observation),
