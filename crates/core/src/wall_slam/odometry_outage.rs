@@ -146,7 +146,7 @@ impl WallSlam {
             }));
         }
         tracker.relocate(pose, since_sweep);
-        tracker.trust_anew();
+        tracker.reset_monitor();
         self.trail.clear();
         if is_dead {
             self.blind = Some(OdometryOutage { since, since_sweep, pose: Some(pose), way_m });
