@@ -1,6 +1,6 @@
 //! Session time: which deadlines are due before an input, and when each is handled.
 //!
-//! Whoever plays a capture must do this alike, or gets another map.
+//! Live runs and replays must handle deadlines alike, or their maps differ.
 
 use crate::time::Timestamp;
 

@@ -6,7 +6,7 @@
 //! A round trip bounds `host − board` from both sides: the board receives a request after it was sent, and the answer arrives
 //! after it was given. Delays (a USB bridge holds bytes for up to 16 ms) only loosen the bounds. [`ClockMap`] chooses the rate
 //! that leaves the widest strip between the bounds of the last minute. The line in the strip's middle is wrong by at most half
-//! the difference of the smallest delays there and back. (After Zhang, Liu and Xia, "Clock synchronization algorithms for
+//! the difference of the minimum delays there and back. (After Zhang, Liu and Xia, "Clock synchronization algorithms for
 //! network measurements", INFOCOM 2002.) If the board does not answer, a line through the least delayed arrivals serves.
 
 use super::params::Params;
