@@ -3,8 +3,9 @@
 use super::mailbox::{Mailbox, Slot};
 use super::snapshot::Snapshot;
 use crate::source::session::Session;
-use slamd_core::link::{Link, LinkState};
+use slamd_core::link::{Link, LinkCause, LinkState};
 use slamd_core::pipeline::Pipeline;
+use std::fmt::Write as _;
 use std::sync::Arc;
 
 /// Looks at a session between its steps.
@@ -16,14 +17,21 @@ pub struct Tap {
     /// X
     sweep: Option<u64>,
     link: LinkState,
-    cause: String,
+    cause: LinkCause,
 }
 
 impl Tap {
     /// What looks at the session of this robot, for whoever has the other end of the mailbox.
     #[must_use]
     pub fn new(mailbox: Arc<Mailbox>, robot: String) -> Self {
-        Self { mailbox, robot, unix_zero_us: None, sweep: None, link: LinkState::Searching, cause: String::new() }
+        Self {
+            mailbox,
+            robot,
+            unix_zero_us: None,
+            sweep: None,
+            link: LinkState::Searching,
+            cause: LinkCause::NotOpened,
+        }
     }
 
     /// The session has begun, so many microseconds after 1970.
@@ -37,16 +45,20 @@ impl Tap {
             return;
         }
         let sweep = session.and_then(|session| Some(session.pipeline().sweep()?.index));
-        let is_new = sweep != self.sweep || link.state() != self.link || link.cause() != self.cause;
+        let is_new = sweep != self.sweep || link.state() != self.link || *link.cause() != self.cause;
         if !is_new && !self.mailbox.is_asked() {
             return;
         }
         let Some((mut slot, wants_map)) = self.mailbox.open() else { return };
         let Slot { snapshot, map } = &mut *slot;
         (self.sweep, self.link) = (sweep, link.state());
-        copy(&mut self.cause, link.cause());
+        if self.cause != *link.cause() {
+            self.cause.clone_from(link.cause());
+        }
         copy(&mut snapshot.robot, &self.robot);
-        copy(&mut snapshot.cause, link.cause());
+        snapshot.cause.clear();
+        // Nothing can go wrong where a string is written to.
+        let _ = write!(snapshot.cause, "{}", self.cause);
         (snapshot.link, snapshot.unix_zero_us) = (link.state(), self.unix_zero_us);
         if let Some(session) = session {
             look_at(session, snapshot);

@@ -7,7 +7,7 @@ use bytes::Bytes;
 use slamd_core::config::Config;
 use slamd_core::driver::{Context, Update, Watcher};
 use slamd_core::event::{
-    EncoderState, Estimate, Event, FaultEvent, Input, LockChange, LockEvent, Output, PositionEvent, SensorState, Wheel,
+    EncoderState, Estimate, Event, FaultEvent, Input, LocalizationChange, LocalizationEvent, Output, SensorState, Wheel,
 };
 use slamd_core::geometry::{Pose2, Ring};
 use slamd_core::link::Reception;
@@ -274,9 +274,9 @@ impl Session {
             Event::BoardReset { .. } => tracing::warn!("the board has restarted; map and pose go on"),
             Event::BoardTrouble { text, .. } => tracing::error!("board: {text}"),
             Event::BoardLog { text, .. } => tracing::info!("board says: {text}"),
-            Event::Lock(lock) => {
-                self.is_lost = lock.change == LockChange::Lost;
-                lock_line(&lock);
+            Event::Localization(event) => {
+                self.is_lost = event.is_lost();
+                log_localization(&event);
             }
             Event::Fault(fault) => {
                 tracing::warn!("{:.1} s: {}", fault.at.seconds(), fault.reason);
@@ -286,14 +286,6 @@ impl Session {
                 }
                 if let Some(change) = self.changes.get_mut(sensor) {
                     *change = Some(fault);
-                }
-            }
-            Event::Position(PositionEvent { is_known, reason, .. }) => {
-                self.is_lost = !is_known;
-                if is_known {
-                    tracing::info!("{reason}");
-                } else {
-                    tracing::warn!("{reason}");
                 }
             }
             Event::Encoder(encoder) => {
@@ -311,23 +303,25 @@ impl Session {
     }
 }
 
-/// The robot's hold on its map, in words.
-fn lock_line(lock: &LockEvent) {
-    let since_s = lock.since.seconds();
-    match lock.change {
-        LockChange::Lost => {
+/// Logs a change of the localization.
+fn log_localization(event: &LocalizationEvent) {
+    let since_s = event.since.seconds();
+    match &event.change {
+        LocalizationChange::Lost => {
             tracing::warn!(
                 "position lost: what is heard contradicts the map; poses are uncertain since {since_s:.1} s"
             );
         }
-        LockChange::Regained { moved_m, turned_rad } => tracing::info!(
+        LocalizationChange::Regained { moved_m, turned_rad } => tracing::info!(
             "position found again, {moved_m:.2} m and {:.0} degrees off; poses since {since_s:.1} s were uncertain",
             turned_rad.to_degrees()
         ),
-        LockChange::Abandoned => {
+        LocalizationChange::Abandoned => {
             tracing::warn!(
                 "position not found: no other place explains what is heard; mapping goes on where the robot is believed"
             );
         }
+        LocalizationChange::KnownMap(search) if event.is_lost() => tracing::warn!("{}", search.reason),
+        LocalizationChange::KnownMap(search) => tracing::info!("{}", search.reason),
     }
 }

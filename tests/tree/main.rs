@@ -3,4 +3,5 @@
 mod dependencies;
 mod input_path;
 mod layering;
+mod people;
 mod reliability;

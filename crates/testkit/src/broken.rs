@@ -2,7 +2,7 @@
 
 use slamd_capture::Record;
 use slamd_core::config::Config;
-use slamd_core::event::{EncoderEvent, Estimate, Event, FaultEvent, Input, LockChange, LockEvent, Output};
+use slamd_core::event::{EncoderEvent, Estimate, Event, FaultEvent, Input, LocalizationEvent, Output};
 use slamd_core::geometry::Pose2;
 use slamd_core::time::Timestamp;
 use slamd_metrics::{Pair, Pairing, building_frame};
@@ -47,7 +47,7 @@ pub struct Outcome {
     pub sweeps: Vec<Told>,
     pub faults: Vec<FaultEvent>,
     pub encoders: Vec<EncoderEvent>,
-    pub locks: Vec<LockEvent>,
+    pub locks: Vec<LocalizationEvent>,
 }
 
 /// How far off a sweep's pose was, and what was said of it.
@@ -102,7 +102,7 @@ impl Drive {
                     Output::Event(Event::Estimate(estimate)) => pairing.estimate(estimate.at, estimate),
                     Output::Event(Event::Fault(fault)) => outcome.faults.push(fault),
                     Output::Event(Event::Encoder(encoder)) => outcome.encoders.push(encoder),
-                    Output::Event(Event::Lock(lock)) => outcome.locks.push(lock),
+                    Output::Event(Event::Localization(lock)) => outcome.locks.push(lock),
                     _ => {}
                 }
             }
@@ -152,9 +152,9 @@ impl Outcome {
 
     /// Whether the lock's events call the pose of that time uncertain.
     fn is_uncertain(&self, at: Timestamp) -> bool {
-        let mut until = self.locks.iter().filter(|lock| lock.change != LockChange::Lost);
+        let mut until = self.locks.iter().filter(|lock| !lock.is_lost());
         let ended = until.any(|lock| (lock.since..=lock.at).contains(&at));
-        let open = self.locks.last().filter(|lock| lock.change == LockChange::Lost);
+        let open = self.locks.last().filter(|lock| lock.is_lost());
         ended || open.is_some_and(|lock| at >= lock.since)
     }
 
