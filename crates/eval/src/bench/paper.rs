@@ -5,11 +5,11 @@ use super::fleet::drive_all;
 use super::machine;
 use super::raw::raw_map;
 use super::run::{Drive, Run, follow, simulate};
-use super::table::quantile;
 use slamd_core::config::Method;
 use slamd_core::event::Estimate;
 use slamd_core::geometry::{Point, Pose2, wrap_angle};
 use slamd_metrics::Pair;
+use slamd_metrics::quantile;
 use slamd_publish::{Curve, Plot};
 use std::fmt::Write as _;
 use std::io;
@@ -234,7 +234,7 @@ first pose only. \"Holds\": no drive is lost.
     text
 }
 
-/// Properties of the method itself, each kept by a test in `tests/paper.rs` or said where the code is.
+/// Properties of the method itself, each kept by a test in `crates/paper/tests/paper.rs` or said where the code is.
 const REASONS: &str = "
 Why, as far as the method itself tells:
 
