@@ -51,24 +51,21 @@ struct Run {
 
 impl Run {
     fn of(capture: &Path, config: &Config, method: Method) -> Result<Self, Failure> {
-        let mut pipeline =
-            slamd_paper::pipeline(&Config { method, ..config.clone() }, slamd_core::pipeline::Start::Fresh)
-                .expect("a fresh start holds nothing that could be refused");
-        let mut run = Self::default();
+        let pipeline = slamd_paper::pipeline(&Config { method, ..config.clone() }, slamd_core::pipeline::Start::Fresh)
+            .expect("a fresh start has no saved state that could be refused");
+        let (mut driver, mut run) = (Driver::new(pipeline), Self::default());
         for record in CaptureReader::open(capture)? {
-            match record? {
-                Record::Received { at, bytes } => pipeline.handle(Input::Received { at, bytes: &bytes }),
-                Record::Sent { at, bytes } => pipeline.handle(Input::Sent { at, bytes: &bytes }),
-                Record::Truth { .. } => {}
-            }
-            while let Some(output) = pipeline.poll_output() {
-                if let Output::Event(Event::Estimate(estimate)) = output {
-                    run.poses.push((estimate.at.seconds(), estimate.pose));
-                    run.odometry.push((estimate.at.seconds(), estimate.odometry));
-                }
-            }
+            driver.feed(&record?, |_, update| run.see(update));
         }
+        driver.end(|_, update| run.see(update));
         Ok(run)
+    }
+
+    fn see(&mut self, update: Update<'_>) {
+        if let Update::Event(Event::Estimate(estimate)) = update {
+            self.poses.push((estimate.at.seconds(), estimate.pose));
+            self.odometry.push((estimate.at.seconds(), estimate.odometry));
+        }
     }
 }
 

@@ -6,7 +6,7 @@
 use slamd::session_file;
 use slamd_capture::Record;
 use slamd_core::config::Config;
-use slamd_core::event::{Event, Input, Output};
+use slamd_core::event::{Event, Output};
 use slamd_core::geometry::{Point, Pose2, wrap_angle};
 use slamd_core::pipeline::{Pipeline, Start};
 use slamd_core::saved_state::SavedState;
@@ -48,11 +48,10 @@ pub(crate) fn drive(world: World, seed: u64, duration_s: f64, mix: FaultMix) -> 
 
 /// Hands a record to a pipeline and its events to `each`; the truth, where the record is one.
 pub(crate) fn feed(pipeline: &mut Pipeline, record: &Record, mut each: impl FnMut(Event)) -> Option<Pose2> {
-    match record {
-        Record::Received { at, bytes } => pipeline.handle(Input::Received { at: *at, bytes }),
-        Record::Sent { at, bytes } => pipeline.handle(Input::Sent { at: *at, bytes }),
-        Record::Truth { pose, .. } => return Some(*pose),
+    if let Record::Truth { pose, .. } = record {
+        return Some(*pose);
     }
+    record.input().into_iter().for_each(|input| pipeline.handle(input));
     while let Some(output) = pipeline.poll_output() {
         if let Output::Event(event) = output {
             each(event);
