@@ -5,7 +5,7 @@ use super::bulletin::Bulletin;
 use super::discovery::discovery;
 use super::names::Names;
 use super::password::Password;
-use super::snapshot::snapshot;
+use super::snapshot::messages;
 use crate::api::{Mailbox, Snapshot, Tap};
 use crate::priority;
 use bytes::Bytes;
@@ -226,7 +226,7 @@ impl MqttPublisher {
             self.publish_at(topic, payload.into());
         }
         self.publish("availability", "online".into());
-        for (topic, payload) in snapshot(&self.names, snapshot) {
+        for (topic, payload) in messages(&self.names, snapshot) {
             self.publish_at(topic, payload.into());
         }
         if let Some(raster) = map.filter(|raster| !raster.occupancy.is_empty()) {
