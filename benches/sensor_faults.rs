@@ -170,7 +170,8 @@ fn print_row(row: &Row, broken: &[Outcome], whole: &[Outcome]) {
         }
         if std::env::var_os("VERBOSE").is_some() {
             eprintln!("{} {}: ratio {ratio:.2}, covered {:?}", row.name, drive.seed, outcome.covered(whole));
-            let words = |lock: &slamd_core::event::LockEvent| format!("{:.1} {:?}", lock.at.seconds(), lock.change);
+            let words =
+                |lock: &slamd_core::event::LocalizationEvent| format!("{:.1} {:?}", lock.at.seconds(), lock.change);
             eprintln!("    {:?}", outcome.locks.iter().map(words).collect::<Vec<_>>());
             let words =
                 |e: &slamd_core::event::EncoderEvent| format!("{:.1} {:?} {:?}", e.at.seconds(), e.wheel, e.state);

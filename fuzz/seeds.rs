@@ -1,4 +1,4 @@
-//! Writes what each fuzz target begins with into `fuzz/corpus/`.
+//! Writes the seeds of each fuzz target into `fuzz/corpus/`.
 
 #[path = "../tests/fuzzing/mod.rs"]
 mod fuzzing;

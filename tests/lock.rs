@@ -5,7 +5,7 @@
 use slamd_capture::Record;
 use slamd_core::config::Config;
 use slamd_core::driver::{Driver, Update};
-use slamd_core::event::{Event, LockChange, LockEvent};
+use slamd_core::event::{Event, LocalizationChange, LocalizationEvent};
 use slamd_metrics::AccuracyMeter;
 use slamd_protocol::{FrameDecoder, FrameEncoder, Message};
 use slamd_sim::fault::FaultMix;
@@ -49,7 +49,7 @@ fn slipped(records: impl Iterator<Item = Record>) -> Vec<Record> {
 }
 
 /// The lock's changes, and the greatest error after the last of them, metres.
-fn drive(records: &[Record]) -> (Vec<LockEvent>, f64) {
+fn drive(records: &[Record]) -> (Vec<LocalizationEvent>, f64) {
     let pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh).unwrap();
     let mut driver = Driver::new(pipeline);
     let (mut changes, mut worst_m, mut meter) = (Vec::new(), 0.0_f64, AccuracyMeter::default());
@@ -61,8 +61,8 @@ fn drive(records: &[Record]) -> (Vec<LockEvent>, f64) {
                 meter.truth(at, pose);
                 last_truth = Some(pose);
             }
-            Update::Event(Event::Lock(lock)) => {
-                changes.push(*lock);
+            Update::Event(Event::Localization(lock)) => {
+                changes.push(lock.clone());
                 worst_m = 0.0;
             }
             Update::Event(Event::Estimate(estimate)) => {
@@ -99,10 +99,10 @@ fn a_slip_is_noticed_told_and_mended() {
     let (changes, worst_m) = drive(&slipped(flat(150.0)));
     println!("{changes:?}, then at most {worst_m:.3} m off");
     let [lost, found] = &changes[..] else { panic!("{changes:?}") };
-    assert_eq!(lost.change, LockChange::Lost);
+    assert_eq!(lost.change, LocalizationChange::Lost);
     assert!((SLIP_S - 1.0..SLIP_S + 10.0).contains(&lost.at.seconds()), "{lost:?}");
     assert!((SLIP_S - 1.0..SLIP_S + 2.0).contains(&found.since.seconds()), "{found:?}");
-    let LockChange::Regained { moved_m, turned_rad } = found.change else { panic!("{found:?}") };
+    let LocalizationChange::Regained { moved_m, turned_rad } = found.change else { panic!("{found:?}") };
     assert!((moved_m - SLIP_M).abs() < 0.1 && turned_rad.abs() < 0.1, "{found:?}");
     assert!(worst_m < 0.2, "{worst_m} m");
 }

@@ -5,7 +5,7 @@
 mod broken;
 
 use broken::{Drive, Outcome};
-use slamd_core::event::{EncoderState, LockChange, SensorState, Wheel};
+use slamd_core::event::{EncoderState, LocalizationChange, SensorState, Wheel};
 
 fn with_encoder(fault: &str, seconds: f64) -> Outcome {
     Drive { encoder_faults: vec![fault.parse().unwrap()], ..Drive::flat(5, seconds) }.run()
@@ -48,7 +48,7 @@ fn a_reversed_encoder_is_named_and_turned_over_on_the_way() {
     assert_eq!((wheel, state), (Wheel::Right, EncoderState::Reversed));
     assert!((25.0..32.0).contains(&at_s), "{at_s} s");
     let last = outcome.locks.last().unwrap();
-    assert!(matches!(last.change, LockChange::Regained { .. }), "{:?}", outcome.locks);
+    assert!(matches!(last.change, LocalizationChange::Regained { .. }), "{:?}", outcome.locks);
     let last = outcome.sweeps.last().unwrap();
     assert!(last.error_m < 0.15, "{last:?} at the end");
 }
@@ -68,7 +68,7 @@ fn a_dead_encoder_is_named_and_no_certain_pose_is_wrong() {
     let (at_s, wheel, state) = verdict(&outcome);
     assert_eq!((wheel, state), (Wheel::Left, EncoderState::Dead));
     assert!((25.0..32.0).contains(&at_s), "{at_s} s");
-    assert_eq!(outcome.locks.iter().map(|lock| lock.change).collect::<Vec<_>>(), [LockChange::Lost]);
+    assert_eq!(outcome.locks.iter().map(|lock| &lock.change).collect::<Vec<_>>(), [&LocalizationChange::Lost]);
     assert!(outcome.worst_m > 0.5, "the drive shows nothing: {} m", outcome.worst_m);
     for told in &outcome.sweeps {
         assert!(told.error_m < 0.1 || told.is_uncertain, "{told:?} and said to be certain");

@@ -178,7 +178,7 @@ fn what_a_viewer_does_not_take_is_dropped_and_counted() {
     let mut session =
         Session::new(slamd_paper::pipeline(&config, slamd_core::pipeline::Start::Fresh).unwrap(), folder.path())
             .unwrap();
-    viewer.watch(&mut session);
+    session.watch(viewer.watcher().expect("a sink"));
     replay(&mut capture, &mut session, |_| ()).unwrap();
     assert_eq!(session.finish().unwrap().0.sweeps, 2_396);
     assert!(viewer.dropped() > 1_000, "{}", viewer.dropped());

@@ -154,7 +154,7 @@ impl Drive {
         let mut tracker = EkfSlam::new(first.pose, first.covariance[(2, 2)].sqrt(), self.config.robot.wheels());
         for (sweep, _) in &self.sweeps {
             tracker.predict(sweep.left_m, sweep.right_m);
-            tracker.expect(sweep);
+            tracker.predict_ranges(sweep);
             tracker.correct(sweep, true, |_| true);
         }
         tracker.walls().len()

@@ -1,4 +1,4 @@
-//! A robot's configuration, and a drive with it.
+//! A robot's configuration, then a drive with it.
 #![no_main]
 
 #[path = "../../tests/fuzzing/mod.rs"]

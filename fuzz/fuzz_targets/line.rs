@@ -1,4 +1,4 @@
-//! A serial line: frames whose checksums hold, and noise.
+//! A serial line: frames with valid checksums, and noise.
 #![no_main]
 
 #[path = "../../tests/fuzzing/mod.rs"]

@@ -1,4 +1,4 @@
-//! The map of a session file, gone on with and looked at.
+//! The map of a session file: resumed, then inspected.
 #![no_main]
 
 #[path = "../../tests/fuzzing/mod.rs"]

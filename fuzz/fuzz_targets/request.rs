@@ -1,4 +1,4 @@
-//! What a client of the API sends.
+//! The bytes that a client sends to the API.
 #![no_main]
 
 #[path = "../../tests/fuzzing/mod.rs"]

@@ -1,4 +1,4 @@
-//! A session file, as it is and behind a checksum that holds.
+//! A session file, as it is and with a valid checksum.
 #![no_main]
 
 #[path = "../../tests/fuzzing/mod.rs"]

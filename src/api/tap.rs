@@ -2,7 +2,7 @@
 
 use super::mailbox::{Mailbox, Slot};
 use crate::source::session::{Session, copy_state};
-use slamd_core::link::{Link, LinkState};
+use slamd_core::link::{Link, LinkCause, LinkState};
 use std::sync::Arc;
 
 /// Looks at a session between its steps.
@@ -14,14 +14,21 @@ pub struct Tap {
     /// The last copy's sweep.
     sweep: Option<u64>,
     link: LinkState,
-    cause: String,
+    cause: LinkCause,
 }
 
 impl Tap {
     /// A tap of this robot's session, for the thread at the other end of the mailbox.
     #[must_use]
     pub fn new(mailbox: Arc<Mailbox>, robot: String) -> Self {
-        Self { mailbox, robot, unix_zero_us: None, sweep: None, link: LinkState::Searching, cause: String::new() }
+        Self {
+            mailbox,
+            robot,
+            unix_zero_us: None,
+            sweep: None,
+            link: LinkState::Searching,
+            cause: LinkCause::NotOpened,
+        }
     }
 
     /// The session has begun, so many microseconds after 1970.
@@ -35,14 +42,16 @@ impl Tap {
             return;
         }
         let sweep = session.and_then(|session| Some(session.pipeline().sweep()?.index));
-        let is_new = sweep != self.sweep || link.state() != self.link || link.cause() != self.cause;
+        let is_new = sweep != self.sweep || link.state() != self.link || *link.cause() != self.cause;
         if !is_new && !self.mailbox.is_asked() {
             return;
         }
         let Some((mut slot, wants_map)) = self.mailbox.open() else { return };
         let Slot { snapshot, map } = &mut *slot;
         (self.sweep, self.link) = (sweep, link.state());
-        copy(&mut self.cause, link.cause());
+        if self.cause != *link.cause() {
+            self.cause.clone_from(link.cause());
+        }
         copy(&mut snapshot.robot, &self.robot);
         snapshot.unix_zero_us = self.unix_zero_us;
         copy_state(snapshot, link, session);

@@ -65,13 +65,13 @@ pub enum Tone {
 impl Line {
     /// The state of a live line.
     #[must_use]
-    pub fn new(state: LinkState, cause: &str) -> Self {
+    pub fn new(state: LinkState, cause: String) -> Self {
         let tone = match state {
             LinkState::Streaming => Tone::Good,
             LinkState::Listening | LinkState::Handshake => Tone::Busy,
             LinkState::Searching | LinkState::Stale | LinkState::Lost => Tone::Bad,
         };
-        Self { word: state.word(), cause: cause.into(), tone }
+        Self { word: state.word(), cause, tone }
     }
 }
 

@@ -34,7 +34,7 @@ pub struct Account {
 
 /// Publishes a session, from a thread of its own, until it is dropped.
 #[derive(Debug)]
-pub struct Post {
+pub struct MqttThread {
     mailbox: Arc<Mailbox>,
     end: Option<oneshot::Sender<()>>,
     thread: Option<JoinHandle<()>>,
@@ -59,7 +59,7 @@ const ROOM: usize = 256;
 /// A picture is well below.
 const LARGEST_BYTES: usize = 8 << 20;
 
-impl Post {
+impl MqttThread {
     /// Begins to publish the session of the robot of this name.
     ///
     /// # Errors
@@ -98,7 +98,7 @@ impl Post {
     }
 }
 
-impl Drop for Post {
+impl Drop for MqttThread {
     fn drop(&mut self) {
         self.end.take();
         if let Some(thread) = self.thread.take() {

@@ -1,6 +1,6 @@
 //! The log of a session: one line for each event that a person should know of.
 
-use slamd_core::event::{Event, LockChange, LockEvent, PositionEvent};
+use slamd_core::event::{Event, LocalizationChange, LocalizationEvent};
 
 /// Writes the log lines of one session.
 #[derive(Clone, Copy, Debug, Default)]
@@ -18,11 +18,9 @@ impl EventLog {
             Event::BoardReset { .. } => tracing::warn!("the board has restarted; map and pose go on"),
             Event::BoardTrouble { text, .. } => tracing::error!("board: {text}"),
             Event::BoardLog { text, .. } => tracing::info!("board says: {text}"),
-            Event::Lock(lock) => note_lock(lock),
+            Event::Localization(event) => note_localization(event),
             Event::Fault(fault) => tracing::warn!("{:.1} s: {}", fault.at.seconds(), fault.reason),
             Event::Encoder(encoder) => tracing::warn!("{:.1} s: {}", encoder.at.seconds(), encoder.reason),
-            Event::Position(PositionEvent { is_known: true, reason, .. }) => tracing::info!("{reason}"),
-            Event::Position(PositionEvent { reason, .. }) => tracing::warn!("{reason}"),
             Event::Estimate(_) => {
                 if !std::mem::replace(&mut self.has_pose, true) {
                     tracing::info!("poses and map begin after {now_s:.0} s");
@@ -32,22 +30,24 @@ impl EventLog {
     }
 }
 
-fn note_lock(lock: &LockEvent) {
-    let since_s = lock.since.seconds();
-    match lock.change {
-        LockChange::Lost => {
+fn note_localization(event: &LocalizationEvent) {
+    let since_s = event.since.seconds();
+    match &event.change {
+        LocalizationChange::Lost => {
             tracing::warn!(
                 "position lost: what is heard contradicts the map; poses are uncertain since {since_s:.1} s"
             );
         }
-        LockChange::Regained { moved_m, turned_rad } => tracing::info!(
+        LocalizationChange::Regained { moved_m, turned_rad } => tracing::info!(
             "position found again, {moved_m:.2} m and {:.0} degrees off; poses since {since_s:.1} s were uncertain",
             turned_rad.to_degrees()
         ),
-        LockChange::Abandoned => {
+        LocalizationChange::Abandoned => {
             tracing::warn!(
                 "position not found: no other place explains what is heard; mapping goes on where the robot is believed"
             );
         }
+        LocalizationChange::KnownMap(search) if event.is_lost() => tracing::warn!("{}", search.reason),
+        LocalizationChange::KnownMap(search) => tracing::info!("{}", search.reason),
     }
 }

@@ -4,7 +4,7 @@
 
 use slamd_capture::Record;
 use slamd_core::config::Config;
-use slamd_core::event::{EncoderEvent, Estimate, Event, FaultEvent, Input, LockChange, LockEvent, Output};
+use slamd_core::event::{EncoderEvent, Estimate, Event, FaultEvent, Input, LocalizationEvent, Output};
 use slamd_core::geometry::Pose2;
 use slamd_core::time::Timestamp;
 use slamd_metrics::{Pair, Pairing, building_frame};
@@ -49,7 +49,7 @@ pub(crate) struct Outcome {
     pub(crate) sweeps: Vec<Told>,
     pub(crate) faults: Vec<FaultEvent>,
     pub(crate) encoders: Vec<EncoderEvent>,
-    pub(crate) locks: Vec<LockEvent>,
+    pub(crate) locks: Vec<LocalizationEvent>,
 }
 
 /// How far off a sweep's pose was, and what was said of it.
@@ -104,7 +104,7 @@ impl Drive {
                     Output::Event(Event::Estimate(estimate)) => pairing.estimate(estimate.at, estimate),
                     Output::Event(Event::Fault(fault)) => outcome.faults.push(fault),
                     Output::Event(Event::Encoder(encoder)) => outcome.encoders.push(encoder),
-                    Output::Event(Event::Lock(lock)) => outcome.locks.push(lock),
+                    Output::Event(Event::Localization(lock)) => outcome.locks.push(lock),
                     _ => {}
                 }
             }
@@ -154,9 +154,9 @@ impl Outcome {
 
     /// Whether the lock's events call the pose of that time uncertain.
     fn is_uncertain(&self, at: Timestamp) -> bool {
-        let mut until = self.locks.iter().filter(|lock| lock.change != LockChange::Lost);
+        let mut until = self.locks.iter().filter(|lock| !lock.is_lost());
         let ended = until.any(|lock| (lock.since..=lock.at).contains(&at));
-        let open = self.locks.last().filter(|lock| lock.change == LockChange::Lost);
+        let open = self.locks.last().filter(|lock| lock.is_lost());
         ended || open.is_some_and(|lock| at >= lock.since)
     }
 

@@ -6,7 +6,7 @@
 use slamd::session_file;
 use slamd_capture::Record;
 use slamd_core::config::Config;
-use slamd_core::event::{Event, Output};
+use slamd_core::event::{Event, LocalizationChange, LocalizationEvent, Output, SearchState};
 use slamd_core::geometry::{Point, Pose2, wrap_angle};
 use slamd_core::pipeline::{Pipeline, Start};
 use slamd_core::saved_state::SavedState;
@@ -156,11 +156,11 @@ pub(crate) fn seek(known: &Known, name: &str, seed: u64, duration_s: f64) -> Out
     let mut truths = Truths::default();
     for record in drive(world, seed + 5_000, duration_s, FaultMix::None) {
         let truth = feed(&mut pipeline, &record, |event| match event {
-            Event::Position(position) => {
-                if position.is_known && outcome.found_after_s.is_none() {
-                    outcome.found_after_s = Some(position.driven_s);
+            Event::Localization(LocalizationEvent { change: LocalizationChange::KnownMap(search), .. }) => {
+                if search.state == SearchState::Found && outcome.found_after_s.is_none() {
+                    outcome.found_after_s = Some(search.driven_s);
                 }
-                outcome.said.push(position.reason);
+                outcome.said.push(search.reason);
             }
             Event::Estimate(estimate) => {
                 if let Some(truth) = truths.at(estimate.at) {

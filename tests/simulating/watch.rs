@@ -39,7 +39,9 @@ impl Watch {
                 assert_eq!(*at, scene.now);
             }
             Event::Fault(fault) => assert!(fault.at <= scene.now, "{fault:?} at {:?}", scene.now),
-            Event::Lock(lock) => assert!(lock.since <= lock.at && lock.at <= scene.now, "{lock:?} at {:?}", scene.now),
+            Event::Localization(event) => {
+                assert!(event.since <= event.at && event.at <= scene.now, "{event:?} at {:?}", scene.now);
+            }
             _ => {}
         }
         self.events.push(event.clone());
@@ -63,7 +65,7 @@ impl Watch {
     pub fn link(&mut self, link: &mut Link) {
         while let Some(change) = link.poll_change() {
             assert!(change.at >= self.changed, "the link's time ran back from {:?}: {change:?}", self.changed);
-            assert!(!change.cause.is_empty(), "{change:?}: without a cause");
+            assert!(!change.cause.to_string().is_empty(), "{change:?}: without a cause");
             self.changed = change.at;
         }
     }

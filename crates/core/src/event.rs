@@ -5,6 +5,7 @@ use crate::time::Timestamp;
 use bytes::Bytes;
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
+use std::str::FromStr;
 
 /// One input. Times never run back.
 #[derive(Clone, Copy, Debug)]
@@ -71,10 +72,8 @@ pub enum Event {
     Fault(FaultEvent),
     /// A wheel encoder changed its state.
     Encoder(EncoderEvent),
-    /// What is known of the robot's place has changed; only where it is sought in a known map.
-    Position(PositionEvent),
-    /// The robot no longer knows where it is, or knows it again.
-    Lock(LockEvent),
+    /// The robot's pose in the map became known or unknown.
+    Localization(LocalizationEvent),
     /// A line of text from the board, control characters removed.
     BoardLog {
         /// When it was heard.
@@ -114,31 +113,69 @@ pub struct Estimate {
     pub nis: f64,
 }
 
-/// A change of the robot's hold on its map.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LockEvent {
+/// The robot's pose in the map became known or unknown.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LocalizationEvent {
     /// The sweep's reference instant.
     pub at: Timestamp,
-    /// From when on the poses were, or still are, uncertain.
+    /// Start of the interval whose poses were, or still are, uncertain.
     pub since: Timestamp,
-    /// What happened.
-    pub change: LockChange,
+    /// What changed.
+    pub change: LocalizationChange,
 }
 
-/// What happened to the robot's hold on its map.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum LockChange {
-    /// What is heard contradicts the map.
+impl LocalizationEvent {
+    /// True if poses from now on are uncertain.
+    #[must_use]
+    pub fn is_lost(&self) -> bool {
+        match &self.change {
+            LocalizationChange::Lost => true,
+            LocalizationChange::Regained { .. } | LocalizationChange::Abandoned => false,
+            LocalizationChange::KnownMap(search) => search.state != SearchState::Found,
+        }
+    }
+}
+
+/// What changed in the localization.
+#[derive(Clone, Debug, PartialEq)]
+pub enum LocalizationChange {
+    /// The echoes contradict the map; relocalization starts.
     Lost,
-    /// The place is known again.
+    /// The pose is known again.
     Regained {
-        /// How far the believed position was off, metres.
+        /// Error of the position estimate until now, metres.
         moved_m: f64,
-        /// How far the believed heading was off, radians.
+        /// Error of the heading estimate until now, radians.
         turned_rad: f64,
     },
-    /// No place fits better than the believed one: the search has ended.
+    /// No other pose fits better: relocalization ended, the estimate stays.
     Abandoned,
+    /// Progress of the search for the start pose in a known map. Only the localizer sends it.
+    KnownMap(KnownMapSearch),
+}
+
+/// Search for the robot's pose in a known map.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KnownMapSearch {
+    /// State from now on.
+    pub state: SearchState,
+    /// Driving time since the search started, seconds.
+    pub driven_s: f64,
+    /// Explanation for people.
+    pub reason: String,
+}
+
+/// State of the search in a known map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SearchState {
+    /// The session began with an unknown pose.
+    Started,
+    /// The pose is known.
+    Found,
+    /// The pose was known and is not any more; the search starts again.
+    Lost,
+    /// The robot has driven for a while and the pose is still unknown.
+    StillUnknown,
 }
 
 /// What a sensor's readings are worth.
@@ -165,6 +202,9 @@ pub enum FaultKind {
 }
 
 impl FaultKind {
+    /// All kinds, in the order of every table.
+    pub const ALL: [Self; 4] = [Self::Saturated, Self::Missing, Self::Noisy, Self::Stuck];
+
     /// The word used in files and on the command line.
     #[must_use]
     pub const fn word(self) -> &'static str {
@@ -174,6 +214,19 @@ impl FaultKind {
             Self::Noisy => "noisy",
             Self::Stuck => "stuck",
         }
+    }
+}
+
+/// The word is not a kind of fault.
+#[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
+#[error("unknown fault kind \"{0}\": it is saturated, missing, noisy or stuck")]
+pub struct UnknownFaultKind(String);
+
+impl FromStr for FaultKind {
+    type Err = UnknownFaultKind;
+
+    fn from_str(word: &str) -> Result<Self, UnknownFaultKind> {
+        Self::ALL.into_iter().find(|kind| kind.word() == word).ok_or_else(|| UnknownFaultKind(word.into()))
     }
 }
 
@@ -261,20 +314,6 @@ pub struct EncoderEvent {
     /// Its encoder's new state.
     pub state: EncoderState,
     /// Why, in words.
-    pub reason: String,
-}
-
-/// What is known of the robot's place in a known map.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct PositionEvent {
-    /// When it was noticed.
-    #[serde(skip)]
-    pub at: Timestamp,
-    /// True where the place is known.
-    pub is_known: bool,
-    /// Seconds that the robot had been driving by then.
-    pub driven_s: f64,
-    /// In words.
     pub reason: String,
 }
 

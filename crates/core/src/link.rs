@@ -12,10 +12,14 @@
 #![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
 #![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
 
+mod cause;
+
 use crate::board::Board;
 use crate::time::Timestamp;
 use std::collections::VecDeque;
 use std::time::Duration;
+
+pub use cause::LinkCause;
 
 /// The line's state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -61,8 +65,8 @@ pub struct LinkChange {
     pub at: Timestamp,
     /// The state from now on.
     pub state: LinkState,
-    /// Why, in words, with what to do about it.
-    pub cause: String,
+    /// Why, with what to do about it.
+    pub cause: LinkCause,
 }
 
 impl std::fmt::Display for LinkChange {
@@ -108,6 +112,8 @@ const BAUD_PAUSE: Duration = Duration::from_secs(30);
 const FIRST_ECHO: Duration = Duration::from_secs(5);
 const STALE: Duration = Duration::from_millis(500);
 const LOST: Duration = Duration::from_secs(2);
+/// Bytes arrive if the last ones are younger than this.
+const BYTES_ARRIVE: Duration = Duration::from_millis(300);
 /// A line that has been dead silent for this long is opened anew.
 const REOPEN: Duration = Duration::from_secs(10);
 /// A tick that comes so late says that the machine slept, or the program was stopped: seconds.
@@ -123,7 +129,7 @@ const MIN_TEXT: usize = 24;
 #[derive(Clone, Debug)]
 pub struct Link {
     state: LinkState,
-    cause: String,
+    cause: LinkCause,
     port: String,
     wanted_baud: u32,
     baud: u32,
@@ -149,7 +155,7 @@ impl Link {
     pub fn new(baud: u32) -> Self {
         Self {
             state: LinkState::Searching,
-            cause: String::new(),
+            cause: LinkCause::NotOpened,
             port: String::new(),
             wanted_baud: baud,
             baud,
@@ -173,9 +179,9 @@ impl Link {
         self.state
     }
 
-    /// Why it is that, in words.
+    /// Cause of the state.
     #[must_use]
-    pub fn cause(&self) -> &str {
+    pub fn cause(&self) -> &LinkCause {
         &self.cause
     }
 
@@ -188,7 +194,7 @@ impl Link {
     /// The port could not be opened, or is gone.
     pub fn closed(&mut self, at: Timestamp, cause: impl Into<String>) {
         self.remedy = None;
-        self.change(at, LinkState::Searching, cause.into());
+        self.change(at, LinkState::Searching, LinkCause::Closed(cause.into()));
     }
 
     /// The port named `port` is open.
@@ -196,7 +202,8 @@ impl Link {
         self.port = port.into();
         self.trial = 0;
         self.listen(at, reception);
-        self.change(at, LinkState::Listening, format!("{} is open at {} baud", self.port, self.baud));
+        let cause = LinkCause::Opened { port: self.port.clone(), baud: self.baud };
+        self.change(at, LinkState::Listening, cause);
     }
 
     /// `bytes` have been read and handed to the pipeline, which has now received `reception`.
@@ -208,13 +215,14 @@ impl Link {
         self.count_restarts(at, reception);
         if reception.groups > self.groups {
             (self.groups, self.since) = (reception.groups, at);
-            self.change(at, LinkState::Streaming, format!("{} at {} baud", self.port, self.baud));
+            let cause = LinkCause::EchoesArrive { port: self.port.clone(), baud: self.baud };
+            self.change(at, LinkState::Streaming, cause);
         } else if self.state == LinkState::Listening && reception.frames > self.frames {
             self.greet(at, reception);
         } else if self.state == LinkState::Handshake
             && let Some(refusal) = reception.board.refusal()
         {
-            self.change(at, LinkState::Handshake, refusal);
+            self.change(at, LinkState::Handshake, LinkCause::Refused(refusal));
         }
     }
 
@@ -230,16 +238,13 @@ impl Link {
             LinkState::Searching => {}
             LinkState::Listening => self.try_on(at, reception),
             LinkState::Handshake => {
-                let words = "the board answers but fires no sensor; `slamd doctor` looks closer";
                 self.since = at;
                 if !reception.board.is_refused() {
-                    self.change(at, LinkState::Handshake, words.into());
+                    self.change(at, LinkState::Handshake, LinkCause::NoPings);
                 }
             }
-            LinkState::Streaming => {
-                self.change(at, LinkState::Stale, format!("no echoes for 0.5 s; {}", self.rest(at)))
-            }
-            LinkState::Stale => self.change(at, LinkState::Lost, format!("no echoes for 2 s; {}", self.rest(at))),
+            LinkState::Streaming => self.change(at, LinkState::Stale, self.no_echoes(at, STALE)),
+            LinkState::Stale => self.change(at, LinkState::Lost, self.no_echoes(at, LOST)),
             LinkState::Lost => {
                 if self.heard_at + LOST > at {
                     self.since = at;
@@ -277,7 +282,7 @@ impl Link {
         self.remedy.take()
     }
 
-    fn change(&mut self, at: Timestamp, state: LinkState, cause: String) {
+    fn change(&mut self, at: Timestamp, state: LinkState, cause: LinkCause) {
         if state != self.state || cause != self.cause {
             (self.state, self.cause) = (state, cause.clone());
             self.changes.push_back(LinkChange { at, state, cause });
@@ -295,14 +300,13 @@ impl Link {
     fn greet(&mut self, at: Timestamp, reception: &Reception<'_>) {
         self.since = at;
         let cause = if reception.echoed == reception.frames {
-            "the line echoes what slamd sends: the board's receive and transmit wires touch".into()
+            LinkCause::Echo
         } else if let Some(refusal) = reception.board.refusal() {
-            refusal
+            LinkCause::Refused(refusal)
         } else if self.baud == self.wanted_baud {
-            format!("the board speaks at {} baud", self.baud)
+            LinkCause::BoardSpeaks { baud: self.baud }
         } else {
-            let (found, wanted) = (self.baud, self.wanted_baud);
-            format!("the board speaks at {found} baud, not at {wanted}: start slamd with --baud {found}")
+            LinkCause::OtherBaud { found: self.baud, wanted: self.wanted_baud }
         };
         self.change(at, LinkState::Handshake, cause);
     }
@@ -310,17 +314,14 @@ impl Link {
     /// Nothing good came at this rate: says what did, and tries the next.
     fn try_on(&mut self, at: Timestamp, reception: &Reception<'_>) {
         if let Some(text) = self.text() {
-            let words = "no slamd frames: flash protocol/firmware, or name the board's port";
-            if !self.cause.starts_with("wrong firmware") {
-                let cause = format!("wrong firmware: the board prints \"{text}\" and {words}");
-                self.change(at, LinkState::Listening, cause);
+            if !matches!(self.cause, LinkCause::WrongFirmware { .. }) {
+                self.change(at, LinkState::Listening, LinkCause::WrongFirmware { text });
             }
             return self.listen(at, reception);
         }
-        let noise = self.bytes > 0;
         if self.trial == 0 {
-            let what = if noise { "noise: bytes arrive but no valid frame" } else { "silence: nothing arrives" };
-            let cause = format!("{what} at {} baud; trying other rates", self.baud);
+            let baud = self.baud;
+            let cause = if self.bytes > 0 { LinkCause::Noise { baud } } else { LinkCause::Silence { baud } };
             self.change(at, LinkState::Listening, cause);
         }
         let next = USUAL_BAUDS.iter().skip(self.trial).position(|&baud| baud != self.wanted_baud);
@@ -336,12 +337,11 @@ impl Link {
             }
             _ => {
                 (self.trial, self.baud) = (USUAL_BAUDS.len() + 1, self.wanted_baud);
-                let advice = if self.cause.starts_with("noise") {
-                    "noise: bytes arrive but no valid frame at any usual rate: is another firmware on the board, or its ground wire loose?"
-                } else {
-                    "silence: the board says nothing at any usual rate: is it powered, flashed with protocol/firmware, and is this its port (`slamd ports`)?"
+                let cause = match self.cause {
+                    LinkCause::Noise { .. } | LinkCause::NoiseAtAllRates => LinkCause::NoiseAtAllRates,
+                    _ => LinkCause::SilenceAtAllRates,
                 };
-                self.change(at, LinkState::Listening, advice.into());
+                self.change(at, LinkState::Listening, cause);
             }
         }
         self.remedy = Some(Remedy::Baud(self.baud));
@@ -361,13 +361,8 @@ impl Link {
         Some(line.chars().take(40).collect())
     }
 
-    /// What still arrives while the ring is not heard.
-    fn rest(&self, at: Timestamp) -> &'static str {
-        if self.heard_at + Duration::from_millis(300) > at {
-            "bytes still arrive: noise on the line, or the board has ceased to fire"
-        } else {
-            "silence: check the cable and the board's supply"
-        }
+    fn no_echoes(&self, at: Timestamp, elapsed: Duration) -> LinkCause {
+        LinkCause::NoEchoes { elapsed, do_bytes_arrive: self.heard_at + BYTES_ARRIVE > at }
     }
 
     fn count_restarts(&mut self, at: Timestamp, reception: &Reception<'_>) {
@@ -380,10 +375,8 @@ impl Link {
         let is_often = self.restarted.len() == RESTARTS
             && self.restarted.front().is_some_and(|first| at.seconds_since(*first) < RESTARTS_WITHIN_S);
         if is_often {
-            let cause =
-                "the board restarts again and again: its supply breaks down; feed sensors and motors from their own";
             self.restarted.clear();
-            self.change(at, self.state, cause.into());
+            self.change(at, self.state, LinkCause::Restarts);
         }
     }
 }

@@ -3,13 +3,12 @@
 //! [`SessionState`] follows the events; [`Snapshot`] is a copy of it, of the pipeline's newest sweep and of the link's health, that another
 //! thread can keep. Each consumer only formats it.
 
-use crate::event::{
-    Calibration, Counters, EncoderState, Estimate, Event, FaultEvent, LockChange, SensorState, Verdict, Wheel,
-};
+use crate::event::{Calibration, Counters, EncoderState, Estimate, Event, FaultEvent, SensorState, Verdict, Wheel};
 use crate::geometry::Ring;
 use crate::link::{Link, LinkState};
 use crate::pipeline::Pipeline;
 use crate::time::Timestamp;
+use std::fmt::Write as _;
 
 /// What the events so far add up to.
 #[derive(Clone, Debug, Default)]
@@ -25,8 +24,7 @@ impl SessionState {
     pub fn take(&mut self, event: &Event) {
         match event {
             Event::Estimate(estimate) => self.estimate = Some(*estimate),
-            Event::Lock(lock) => self.is_lost = lock.change == LockChange::Lost,
-            Event::Position(position) => self.is_lost = !position.is_known,
+            Event::Localization(event) => self.is_lost = event.is_lost(),
             Event::Encoder(encoder) => {
                 let [left, right] = &mut self.encoders;
                 *if encoder.wheel == Wheel::Right { right } else { left } = encoder.state;
@@ -131,7 +129,9 @@ impl Snapshot {
     /// Copies the link's health.
     pub fn copy_link(&mut self, link: &Link) {
         self.link = link.state();
-        copy(&mut self.cause, link.cause());
+        self.cause.clear();
+        // Writing to a string cannot fail.
+        let _ = write!(self.cause, "{}", link.cause());
     }
 
     /// Copies the state of a session at `now`.

@@ -17,7 +17,7 @@ mod odometry_outage;
 mod relocalizer;
 
 use crate::config::Config;
-use crate::event::{Calibration, Estimate, Event, LockChange, LockEvent};
+use crate::event::{Calibration, Estimate, Event, LocalizationChange, LocalizationEvent};
 use crate::fault::detector::Detector;
 use crate::fault::encoder::EncoderWatch;
 use crate::geometry::{Placement, Point, Pose2, Ring, wrap_angle};
@@ -130,7 +130,7 @@ impl WallSlam {
     /// Where the memory holds what cannot be.
     pub fn localized(self, memory: &SavedState, pose: Pose2, sigma_m: f64) -> Result<Self, InvalidState> {
         let mut tracker = EkfSlam::restore(memory)?;
-        tracker.fix_walls();
+        tracker.freeze_walls();
         tracker.filter.relocate(pose, sigma_m, AXIS_SIGMA_RAD);
         Ok(Self {
             tracker: Some(tracker),
@@ -175,7 +175,7 @@ impl WallSlam {
         for _ in 0..CATCH_UP_SWEEPS {
             let (Some(tracker), Some(sweep)) = (&mut self.tracker, self.waiting.pop_front()) else { return };
             tracker.predict(sweep.left_m, sweep.right_m);
-            tracker.expect(&sweep);
+            tracker.predict_ranges(&sweep);
             self.follow(&sweep, events);
         }
     }
@@ -211,13 +211,17 @@ impl WallSlam {
     /// Notices when what is heard contradicts the map.
     fn watch_lock(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
         let Some(tracker) = &mut self.tracker else { return };
-        if tracker.watch().is_sure() {
+        if tracker.monitor().is_sure() {
             self.sure = (sweep.index, sweep.at);
         }
-        if self.can_tell && tracker.watch().is_lost() {
+        if self.can_tell && tracker.monitor().is_lost() {
             let (since_sweep, since) = self.sure;
             self.lost = Some(Relocalizer::new(since, since_sweep, tracker.filter.pose(), sweep.odometry));
-            events.push(Event::Lock(LockEvent { at: sweep.at, since, change: LockChange::Lost }));
+            events.push(Event::Localization(LocalizationEvent {
+                at: sweep.at,
+                since,
+                change: LocalizationChange::Lost,
+            }));
         }
     }
 
@@ -233,16 +237,16 @@ impl WallSlam {
             if moved_m > HERE_M || turned_rad.abs() > HERE_RAD {
                 tracker.relocate(pose, lost.since_sweep);
             }
-            LockChange::Regained { moved_m, turned_rad }
-        } else if tracker.watch().is_sure() && lost.may_be_wrong() {
-            LockChange::Regained { moved_m: 0.0, turned_rad: 0.0 }
+            LocalizationChange::Regained { moved_m, turned_rad }
+        } else if tracker.monitor().is_sure() && lost.may_be_wrong() {
+            LocalizationChange::Regained { moved_m: 0.0, turned_rad: 0.0 }
         } else if lost.is_hopeless() {
-            LockChange::Abandoned
+            LocalizationChange::Abandoned
         } else {
             return;
         };
-        tracker.trust_anew();
-        events.push(Event::Lock(LockEvent { at: sweep.at, since: lost.since, change }));
+        tracker.reset_monitor();
+        events.push(Event::Localization(LocalizationEvent { at: sweep.at, since: lost.since, change }));
         self.lost = None;
     }
 
@@ -260,7 +264,7 @@ impl WallSlam {
             return;
         }
         let is_in_doubt =
-            !tracker.watch().is_sure() || tracker.filter.pose_covariance()[(2, 2)] > DOUBT_RAD * DOUBT_RAD;
+            !tracker.monitor().is_sure() || tracker.filter.pose_covariance()[(2, 2)] > DOUBT_RAD * DOUBT_RAD;
         let axis = if is_in_doubt { self.axis.find() } else { None };
         if let Some(axis) = axis.filter(|axis| axis.is_believed() && axis.angle_rad.abs() < CHECK_RAD) {
             tracker.filter.update_heading(-axis.angle_rad, AXIS_SIGMA_RAD * AXIS_SIGMA_RAD);
@@ -271,7 +275,7 @@ impl WallSlam {
 
     /// Draws what the trusted beams heard.
     fn integrate_beam(&mut self, sweep: &Sweep) {
-        let Some(tracker) = self.tracker.as_ref().filter(|tracker| !tracker.is_fixed()) else { return };
+        let Some(tracker) = self.tracker.as_ref().filter(|tracker| !tracker.is_frozen()) else { return };
         let place = Placement::from(tracker.filter.pose());
         self.grid.revise();
         for (sensor, (beam, used)) in sweep.beams.iter().zip(tracker.associations()).enumerate() {

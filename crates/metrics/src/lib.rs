@@ -11,7 +11,7 @@ mod relative;
 
 pub use accuracy::{Accuracy, AccuracyMeter};
 pub use consistency::{building_frame, mean_nees};
-pub use detection::{Detection, FaultMeter, FaultScore, KINDS, KindSums};
+pub use detection::{Detection, FaultMeter, FaultScore, KindSums};
 pub use faults::TrueFault;
 pub use map_quality::{MapMeter, MapQuality, Wall};
 pub use pairing::{Pair, Pairing};

@@ -79,7 +79,7 @@ impl Initializer {
         let axis = match self.search.take() {
             Some(search) => match self.search_on(search, wheels) {
                 Step::Done(axis) => axis,
-                Step::Goes(search) => {
+                Step::Running(search) => {
                     self.search = Some(search);
                     return None;
                 }
@@ -117,11 +117,11 @@ impl Initializer {
     fn search_on(&mut self, mut search: Search, wheels: &Calibration) -> Step {
         for _ in 0..STEPS {
             match search.step(&mut self.finder, &self.sweeps, wheels) {
-                Step::Goes(on) => search = on,
+                Step::Running(on) => search = on,
                 done @ Step::Done(_) => return done,
             }
         }
-        Step::Goes(search)
+        Step::Running(search)
     }
 }
 

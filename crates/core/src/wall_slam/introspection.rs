@@ -18,7 +18,7 @@ impl Estimator for WallSlam {
             self.hold_pose(sweep, events);
         } else if let (Some(tracker), true) = (&mut self.tracker, self.waiting.is_empty()) {
             tracker.predict(sweep.left_m, sweep.right_m);
-            tracker.expect(sweep);
+            tracker.predict_ranges(sweep);
             let is_lost = self.lost.is_some() || self.encoders.is_suspected();
             let place = Placement::from(tracker.filter.pose());
             let expected = |beam: &Beam| {

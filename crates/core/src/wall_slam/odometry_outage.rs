@@ -8,7 +8,7 @@
 use super::initializer::Initializer;
 use super::relocalizer::Relocalizer;
 use super::{AXIS_SIGMA_RAD, WallSlam};
-use crate::event::{EncoderState, Estimate, Event, LockChange, LockEvent, Wheel};
+use crate::event::{EncoderState, Estimate, Event, LocalizationChange, LocalizationEvent, Wheel};
 use crate::fault::encoder::EncoderChange;
 use crate::geometry::Pose2;
 use crate::mapping::grid::OccupancyGrid;
@@ -139,10 +139,14 @@ impl WallSlam {
         if let Some(lost) = self.lost.take() {
             (since, since_sweep) = (since.min(lost.since), since_sweep.min(lost.since_sweep));
         } else {
-            events.push(Event::Lock(LockEvent { at: sweep.at, since, change: LockChange::Lost }));
+            events.push(Event::Localization(LocalizationEvent {
+                at: sweep.at,
+                since,
+                change: LocalizationChange::Lost,
+            }));
         }
         tracker.relocate(pose, since_sweep);
-        tracker.trust_anew();
+        tracker.reset_monitor();
         self.trail.clear();
         if is_dead {
             self.blind = Some(OdometryOutage { since, since_sweep, pose: Some(pose), way_m });

@@ -13,10 +13,12 @@ use slamd_metrics::{
     Accuracy, AccuracyMeter, Detection, FaultMeter, MapMeter, MapQuality, Pair, Pairing, TrueFault, building_frame,
     mean_nees,
 };
+use slamd_sim::fault::SensorFault;
 use slamd_sim::link::LinkFaults;
 use slamd_sim::simulation::{SimConfig, Simulation, session};
 use slamd_sim::sonar::MAX_RANGE_M;
 use slamd_sim::world::World;
+use std::time::Duration;
 
 /// What was measured of one drive.
 #[derive(Clone, Debug)]
@@ -128,12 +130,18 @@ pub fn simulate(case: &Case, world: &World, seed: u64) -> (Vec<Record>, Vec<True
         clock_drift_ppm: 300.0,
         link: LinkFaults::default(),
     });
-    let faults = simulation.faults().iter().map(|fault| {
-        let text = format!("{}:{}@{}", fault.sensor, fault.kind.word(), fault.from_s);
-        text.parse::<TrueFault>().expect("the words of both sides are the same")
-    });
-    let faults = faults.collect();
+    let faults = simulation.faults().iter().map(true_fault).collect();
     (session(simulation).collect(), faults)
+}
+
+fn true_fault(fault: &SensorFault) -> TrueFault {
+    let after = |seconds| Timestamp::default() + Duration::from_secs_f64(seconds);
+    TrueFault {
+        sensor: usize::from(fault.sensor),
+        kind: fault.kind,
+        from: after(fault.from_s),
+        until: fault.until_s.is_finite().then(|| after(fault.until_s)),
+    }
 }
 
 /// Runs the method over a drive; the map's meter has seen all that the robot could see.

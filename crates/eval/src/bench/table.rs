@@ -3,7 +3,7 @@
 use super::case::Case;
 use super::run::Run;
 use slamd_core::event::FaultKind;
-use slamd_metrics::{Detection, KINDS};
+use slamd_metrics::Detection;
 use std::fmt::Write as _;
 
 /// Head of the table of accuracy; one [`accuracy_row`] per case follows.
@@ -67,7 +67,7 @@ pub fn fault_rows(case: &Case, runs: &[Run]) -> String {
     let faults = sums.kinds.iter().map(|kind| kind.faults).sum();
     let alarms = cell(sums.false_alarms_per_hour(), 2);
     let mut text = row("all", sums.precision(), sums.recall(), &latencies_s, faults, alarms);
-    for (kind, sums) in KINDS.iter().zip(&sums.kinds) {
+    for (kind, sums) in FaultKind::ALL.iter().zip(&sums.kinds) {
         if sums.faults > 0 || sums.declared_s > 0.0 {
             let latencies_s = &sums.latencies_s;
             text += &row(kind.word(), sums.precision(), sums.recall(), latencies_s, sums.faults, String::new());
