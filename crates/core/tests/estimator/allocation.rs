@@ -74,11 +74,8 @@ fn allocating(capture: &str) -> (u64, Vec<String>) {
             let at = pipeline.next_deadline();
             look(&mut pipeline, at, Input::Tick { at });
         }
-        match &record {
-            Record::Received { at, bytes } if bytes.is_empty() => look(&mut pipeline, *at, Input::Opened { at: *at }),
-            Record::Received { at, bytes } => look(&mut pipeline, *at, Input::Received { at: *at, bytes }),
-            Record::Sent { at, bytes } => look(&mut pipeline, *at, Input::Sent { at: *at, bytes }),
-            Record::Truth { .. } => {}
+        if let Some(input) = record.input() {
+            look(&mut pipeline, record.at(), input);
         }
     }
     (sweeps, complaints)
