@@ -7,7 +7,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
 use allocation_counter::measure;
-use slamd_capture::{CaptureReader, Record};
+use slamd_capture::CaptureReader;
 use slamd_core::config::Config;
 use slamd_core::event::{Event, Input, Output};
 use slamd_core::pipeline::Pipeline;
