@@ -8,6 +8,7 @@
 //! 4. From there on the walls method follows the robot among the known walls; map and walls stay as they are.
 
 mod known_map;
+pub mod params;
 pub mod search;
 
 use crate::config::Config;
