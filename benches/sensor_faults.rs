@@ -3,15 +3,13 @@
 //!
 //! Each drive is compared with the same seed's drive without faults. Prints Markdown tables. Tune on seeds 1-20, report on 101-120.
 
-#[path = "../tests/broken/mod.rs"]
-mod broken;
 mod options;
 
-use broken::{Drive, Outcome, Slip};
 use indicatif::ProgressBar;
 use slamd_core::event::{EncoderState, SensorState};
-use slamd_eval::bench::table::quantile;
+use slamd_metrics::quantile;
 use slamd_sim::fault::SensorFault;
+use slamd_testkit::broken::{Drive, Outcome, Slip};
 use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -6,6 +6,7 @@ mod detection;
 mod faults;
 mod map_quality;
 mod pairing;
+mod quantile;
 mod relations;
 mod relative;
 
@@ -15,5 +16,6 @@ pub use detection::{Detection, FaultMeter, FaultScore, KindSums};
 pub use faults::TrueFault;
 pub use map_quality::{MapMeter, MapQuality, Wall};
 pub use pairing::{Pair, Pairing};
+pub use quantile::quantile;
 pub use relations::{Relation, RelationError, relation_error};
 pub use relative::{RelativeError, relative_error};
