@@ -12,7 +12,7 @@
 //! | S, K | innovation variance H P Hᵀ + R, gain P Hᵀ / S | |
 //!
 //! Prediction: the encoders' step, turned by the heading from the walls. **The paper does not state its measurement model.**
-//! slamd uses the simplest model that the paper's parts allow: each line that the Hough transform finds in the local map
+//! slamd uses the minimum that the paper's parts allow: each line that the Hough transform finds in the local map
 //! (10) is compared with the endpoints that fall near it, and only the offset along the line's normal is used. Offsets on one line
 //! are fused before the update, for they share the line's error.
 //!
