@@ -8,6 +8,7 @@
 //! 4. From then on [`WallSlam`] tracks the robot among the known walls. Map and walls are not changed.
 
 mod known_map;
+pub mod params;
 pub mod search;
 
 use crate::config::Config;
