@@ -64,9 +64,9 @@ pub struct WallObservation {
     /// Perpendicular distance from the sensor to the wall, metres.
     pub depth_m: f64,
     /// The sensor's coordinate across the wall.
-    pub across_m: f64,
+    pub sensor_across_m: f64,
     /// The sensor's coordinate along the wall.
-    pub foot_m: f64,
+    pub sensor_along_m: f64,
     /// The coordinate along the wall of the point that echoed.
     pub along_m: f64,
     /// How far the wall's normal lies outside the cone, radians.
@@ -95,7 +95,7 @@ impl WallObservation {
     /// The offset of the wall that would explain the return.
     #[must_use]
     pub fn offset_m(&self) -> f64 {
-        self.across_m + self.side.sign() * self.depth_m
+        self.sensor_across_m + self.side.sign() * self.depth_m
     }
 
     /// The point that echoed, building frame.
@@ -121,10 +121,10 @@ pub fn observe_wall(at: impl Into<Placement>, beam: &Beam) -> Option<WallObserva
     let oblique_rad = (off_rad.abs() - beam.half_angle_rad).max(0.0);
     let (sin, cos) = if oblique_rad > 0.0 { libm::sincos(oblique_rad) } else { (0.0, 1.0) };
     let depth_m = beam.range_m * cos;
-    let (across_m, foot_m) = side.split(sensor.position());
+    let (sensor_across_m, sensor_along_m) = side.split(sensor.position());
     // Positive turns lead toward +y for ±x sides' normals as seen along the axis: the tangent of +x is +y, of +y is −x.
     let tangent_sign = if side.axis() == 0 { side.sign() } else { -side.sign() };
-    let along_m = foot_m + tangent_sign * off_rad.signum() * beam.range_m * sin;
+    let along_m = sensor_along_m + tangent_sign * off_rad.signum() * beam.range_m * sin;
     let is_sharp = beam.half_angle_rad < POINT_RAD;
     let edge_m = beam.range_m * sin * if is_sharp { POINT_SIGMA_RAD } else { EDGE_SIGMA_RAD };
     let lever = sensor.position() - place.pose().position();
@@ -139,8 +139,8 @@ pub fn observe_wall(at: impl Into<Placement>, beam: &Beam) -> Option<WallObserva
     Some(WallObservation {
         side,
         depth_m,
-        across_m,
-        foot_m,
+        sensor_across_m,
+        sensor_along_m,
         along_m,
         oblique_rad,
         is_sharp,
@@ -170,7 +170,7 @@ mod tests {
             let offset = 2.5;
             // Expected minus measured depth of a wall at `offset`.
             let misfit = |pose: Pose2, side: Side| {
-                observe_wall(pose, &beam).filter(|s| s.side == side).map(|s| side.sign() * (offset - s.across_m) - s.depth_m)
+                observe_wall(pose, &beam).filter(|s| s.side == side).map(|s| side.sign() * (offset - s.sensor_across_m) - s.depth_m)
             };
             let pose = Pose2::new(x, 0.4, theta);
             let Some(observation) = observe_wall(pose, &beam) else { return Ok(()) };

@@ -254,7 +254,7 @@ impl EkfSlam {
 
     fn measure(&self, observation: &WallObservation, wall: usize) -> Measurement {
         let sign = observation.side.sign();
-        let expected_m = sign * (self.filter.offset_m(wall) - observation.across_m);
+        let expected_m = sign * (self.filter.offset_m(wall) - observation.sensor_across_m);
         Measurement {
             innovation: observation.depth_m - expected_m,
             robot: observation.h_robot,

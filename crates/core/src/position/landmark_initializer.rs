@@ -60,7 +60,7 @@ impl LandmarkInitializer {
             return None;
         }
         let offset_m = observation.offset_m();
-        let sensor_m = observation.foot_m;
+        let sensor_m = observation.sensor_along_m;
         self.candidates.retain(|candidate| candidate.last_sweep + PATIENCE >= sweep);
         let nearest = self
             .candidates

@@ -145,9 +145,9 @@ fn explained(sightings: &[WallObservation], walls: &[KnownWall], dx: f64, dy: f6
             .filter(|w| w.side == observation.side && along_m > w.lo_m - MARGIN_M && along_m < w.hi_m + MARGIN_M)
             .map(|wall| wall.offset_m - offset_m)
             .min_by(|a, b| a.abs().total_cmp(&b.abs()));
-        let (side, foot_m, depth_m) = (observation.side, observation.foot_m + along, observation.depth_m);
+        let (side, foot_m, depth_m) = (observation.side, observation.sensor_along_m + along, observation.depth_m);
         let is_through = |w: &KnownWall| {
-            let before_m = depth_m - side.sign() * (w.offset_m - observation.across_m - across);
+            let before_m = depth_m - side.sign() * (w.offset_m - observation.sensor_across_m - across);
             let faces = w.side == side && foot_m > w.lo_m + MARGIN_M && foot_m < w.hi_m - MARGIN_M;
             faces && before_m > THROUGH_M && before_m < depth_m
         };
