@@ -5,6 +5,7 @@ use super::drive::Drive;
 use nalgebra::{Matrix3, Vector3};
 use slamd_core::event::SensorState;
 use slamd_core::position::beam_model::observe_wall;
+use slamd_core::position::params::BeamParams;
 use slamd_core::saved_state::LandmarkState;
 
 /// What is sought: range bias, bearing offset, error of the half angle.
@@ -57,9 +58,10 @@ pub(super) fn rms_m(drive: &Drive, sensor: usize) -> f64 {
 }
 
 fn rows(drive: &Drive, sensor: usize) -> Vec<Row> {
-    let mut rows = Vec::new();
+    let (mut rows, params) = (Vec::new(), BeamParams::default());
     for (step, (sweep, pose)) in drive.steps.iter().enumerate() {
-        let Some(observation) = sweep.beams.get(sensor).and_then(|beam| observe_wall(*pose, beam)) else { continue };
+        let observe = |beam| observe_wall(&params, *pose, beam);
+        let Some(observation) = sweep.beams.get(sensor).and_then(observe) else { continue };
         let sign = observation.side.sign();
         let residual = |offset_m: f64| observation.depth_m - sign * (offset_m - observation.sensor_across_m);
         let is_heard = |wall: &LandmarkState, offset_m: f64| {

@@ -227,7 +227,7 @@ impl WallSlam {
         lost.add(sweep, |sensor| self.detector.is_trusted(sensor));
         let believed = tracker.filter.pose();
         let walls = tracker.known_walls(lost.since_sweep);
-        let change = if let Some(pose) = lost.find(sweep.odometry, &mut self.search, walls) {
+        let change = if let Some(pose) = lost.find(sweep.odometry, &mut self.search, tracker.params(), walls) {
             let moved_m = (pose.position() - believed.position()).norm();
             let turned_rad = wrap_angle(pose.theta_rad - believed.theta_rad);
             if moved_m > HERE_M || turned_rad.abs() > HERE_RAD {
@@ -297,7 +297,7 @@ impl WallSlam {
 
 /// The point of a known wall that a return may have come from: on the wall's line, in its extent or a little beyond.
 fn heard_wall(tracker: &EkfSlam, place: Placement, beam: &Beam) -> Option<(Point, WallNormal)> {
-    let observation = observe_wall(place, beam)?;
+    let observation = observe_wall(&tracker.params().beam, place, beam)?;
     let off_m = |(index, _): &(usize, &WallLandmark)| (tracker.filter.offset_m(*index) - observation.offset_m()).abs();
     // Heard squarely beyond its end it would be the end itself, somewhere in the cone.
     let beyond_m = if observation.oblique_rad > 0.0 { EXTENDED_M } else { 0.0 };

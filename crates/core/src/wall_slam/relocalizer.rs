@@ -4,6 +4,7 @@
 
 use crate::geometry::Pose2;
 use crate::orientation::dominant_directions::{Axis, DominantDirections};
+use crate::position::params::Params;
 use crate::position::relocalize::{self, KnownWall};
 use crate::sweep::{Beam, Sweep};
 use crate::time::Timestamp;
@@ -77,6 +78,7 @@ impl Relocalizer {
         &self,
         odometry: Pose2,
         finder: &mut DominantDirections,
+        params: &Params,
         walls: impl Iterator<Item = KnownWall>,
     ) -> Option<Pose2> {
         if self.sweeps < FIRST_SWEEPS || !self.sweeps.is_multiple_of(EVERY_SWEEPS) {
@@ -86,7 +88,7 @@ impl Relocalizer {
         self.returns.iter().for_each(|(pose, beam)| finder.add(*pose, beam));
         let axis = finder.find().filter(Axis::is_believed);
         finder.clear();
-        let place = relocalize::find(&self.returns, walls, axis?.angle_rad)?;
+        let place = relocalize::find(params, &self.returns, walls, axis?.angle_rad)?;
         Some(place.correction * self.map_from_odom * odometry)
     }
 
