@@ -1,4 +1,5 @@
-//! `cargo bench -p slamd-protocol --bench noise [-- --bytes 1e9]`: noisy bytes through the decoder, and whether a wrong frame was accepted.
+//! `cargo bench -p slamd-protocol --bench noise [-- --bytes 1e9]`: sends noisy bytes through the
+//! decoder and checks that it accepts no wrong frame.
 
 #[path = "../tests/messages/mod.rs"]
 mod messages;

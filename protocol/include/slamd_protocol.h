@@ -1,7 +1,8 @@
 /* slamd's wire format for boards, in C99. SPDX-License-Identifier: MIT OR Apache-2.0
  *
- * A frame is COBS(type u8 | seq u8 | payload | CRC-32 LE) 0x00, all numbers little-endian. The Rust crate beside this
- * file is the specification; tests/c_header.rs holds this header to its golden vectors. */
+ * A frame is COBS(type u8 | seq u8 | payload | CRC-32 LE) 0x00, all numbers little-endian. The
+ * specification is protocol/README.md; tests/c_header.rs checks this header against its golden
+ * vectors. */
 #ifndef SLAMD_PROTOCOL_H
 #define SLAMD_PROTOCOL_H
 
@@ -33,7 +34,7 @@ enum slamd_kind {
     SLAMD_CONFIG_GET = 0x85, SLAMD_GEOMETRY_REQUEST = 0x86, SLAMD_TIME_REQUEST = 0x90, SLAMD_HEARTBEAT = 0x91
 };
 
-/* In place of a time of flight. */
+/* Codes that replace a time of flight. */
 #define SLAMD_ECHO_NONE 0xFFFFu
 #define SLAMD_ECHO_STUCK 0xFFFEu
 #define SLAMD_ECHO_HIGH_AT_TRIGGER 0xFFFDu
@@ -47,7 +48,7 @@ enum slamd_kind {
 enum slamd_fault { SLAMD_FAULT_CLEARED, SLAMD_FAULT_PIN_STUCK, SLAMD_FAULT_HIGH_AT_TRIGGER, SLAMD_FAULT_NEVER_ANSWERS };
 enum slamd_result { SLAMD_DONE, SLAMD_UNKNOWN, SLAMD_REFUSED, SLAMD_BUSY };
 
-/* X(name, key, least, most, default) */
+/* X(name, key, minimum, maximum, default) */
 #define SLAMD_SETTINGS(X)                        \
     X(SENSORS, 1, 1, 32, 32)                     \
     X(GROUPS, 2, 1, 8, 4)                        \
@@ -67,7 +68,8 @@ enum slamd_setting { SLAMD_SETTINGS(SLAMD_SETTING_KEY_) SLAMD_SETTING_END_ };
 #undef SLAMD_SETTING_KEY_
 #define SLAMD_SETTING_COUNT 12
 
-/* CRC-32/ISO-HDLC, a nibble at a time: 64 bytes of table. Start with 0; continue with the last result. */
+/* CRC-32/ISO-HDLC, a nibble at a time, so the table has only 64 bytes. Start with 0; continue with
+ * the last result. */
 static inline uint32_t slamd_crc32(uint32_t crc, const uint8_t *bytes, uint16_t len) {
     static const uint32_t table[16] SLAMD_FLASH = {
         0x00000000, 0x1DB71064, 0x3B6E20C8, 0x26D930AC, 0x76DC4190, 0x6B6B51F4, 0x4DB26158, 0x5005713C,
@@ -81,7 +83,7 @@ static inline uint32_t slamd_crc32(uint32_t crc, const uint8_t *bytes, uint16_t 
     return ~crc;
 }
 
-/* A payload under construction, room for type and number before it and the checksum behind. */
+/* A payload under construction, with room for type and number before and the checksum after it. */
 struct slamd_writer {
     uint8_t content[SLAMD_MAX_CONTENT];
     uint8_t len;
@@ -104,7 +106,7 @@ static inline void slamd_begin(struct slamd_writer *w, uint8_t kind, uint8_t seq
     w->len = 2;
 }
 
-/* Puts the finished frame, at most SLAMD_MAX_FRAME bytes, into `frame` and returns its length. */
+/* Writes the finished frame, at most SLAMD_MAX_FRAME bytes, into `frame` and returns its length. */
 static inline uint16_t slamd_finish(struct slamd_writer *w, uint8_t *frame) {
     uint32_t crc = slamd_crc32(0, w->content, w->len);
     uint16_t out = 1, code_at = 0;
@@ -190,8 +192,8 @@ static inline void slamd_put_encoder(struct slamd_writer *w, uint8_t seq, uint32
 
 struct slamd_status {
     uint32_t t_us, frames, overruns, crc_errors;
-    int16_t temperature_cdeg; /* SLAMD_UNKNOWN_TEMPERATURE where nothing measures it */
-    uint16_t supply_mv;       /* 0 where nothing measures it */
+    int16_t temperature_cdeg; /* SLAMD_UNKNOWN_TEMPERATURE if not measured */
+    uint16_t supply_mv;       /* 0 if not measured */
     uint64_t stuck_mask;
 };
 static inline void slamd_put_status(struct slamd_writer *w, uint8_t seq, const struct slamd_status *s) {
@@ -236,7 +238,7 @@ static inline void slamd_put_log(struct slamd_writer *w, uint8_t seq, uint8_t le
     while (*text) slamd_u8(w, (uint8_t)*text++);
 }
 
-/* Finds frames in a stream of bytes. Zero it to begin. */
+/* Finds frames in a stream of bytes. Initialize it with zeros. */
 struct slamd_decoder {
     uint8_t content[SLAMD_MAX_CONTENT];
     uint8_t len, block_left;
@@ -244,8 +246,8 @@ struct slamd_decoder {
     uint32_t crc_errors, malformed;
 };
 
-/* Takes a byte; true when it completes a good frame: content[0] is its type, content[1] its number, and the payload's
- * len - 6 bytes follow. They stay until the next byte. */
+/* Takes a byte; returns true if the byte completes a good frame: content[0] is its type, content[1]
+ * its number, and the payload's len - 6 bytes follow. They are valid until the next byte. */
 static inline bool slamd_push(struct slamd_decoder *d, uint8_t byte) {
     if (byte == 0) {
         bool was_inside = d->inside;
@@ -284,7 +286,7 @@ static inline bool slamd_push(struct slamd_decoder *d, uint8_t byte) {
     return false;
 }
 
-/* What the host asks; which fields hold depends on `kind`. */
+/* A request of the host; `kind` determines which fields are valid. */
 struct slamd_request {
     uint8_t kind, seq;
     uint8_t major, minor; /* HELLO_REQUEST */
@@ -293,8 +295,8 @@ struct slamd_request {
     uint16_t token;       /* TIME_REQUEST */
 };
 
-/* Reads the frame that slamd_push completed; false where it is no message of a host. Longer payloads are of a newer
- * minor version and accepted. */
+/* Parses the frame that slamd_push completed; returns false if it is not a message of a host.
+ * Longer payloads come from a newer minor version and are accepted. */
 static inline bool slamd_parse(const struct slamd_decoder *d, struct slamd_request *r) {
     const uint8_t *p = d->content + 2;
     uint8_t len = (uint8_t)(d->len - 6);

@@ -1,7 +1,8 @@
-//! Frames out of a stream of bytes in which anything may be lost, added or changed.
+//! Finds frames in a stream of bytes that may lose, gain or change any byte.
 //!
-//! Every 0x00 is a fresh start: what went wrong before a delimiter cannot harm a frame behind it. The decoder takes one
-//! byte at a time, so how the stream was cut into chunks cannot matter.
+//! The decoder resynchronizes at every 0x00: an error before a delimiter cannot affect a frame
+//! after it. The decoder takes one byte at a time, so the division of the stream into chunks does
+//! not matter.
 
 use crate::frame::{CRC_LEN, DELIMITER, Frame, MAX_CONTENT, MIN_CONTENT, checksum};
 use arrayvec::ArrayVec;
@@ -9,39 +10,40 @@ use arrayvec::ArrayVec;
 /// Finds the frames in a stream of bytes.
 #[derive(Clone, Debug, Default)]
 pub struct FrameDecoder {
-    /// The content so far, without the stuffing.
+    /// The content so far, with the stuffing removed.
     content: ArrayVec<u8, MAX_CONTENT>,
     /// Bytes until the next stuffing code.
     block_left: u8,
     /// Bytes of the frame so far, as received.
     received: u64,
-    /// The frame is longer than any frame: wait for the delimiter.
+    /// The frame exceeds the longest valid frame: wait for the delimiter.
     overlong: bool,
     counters: DecoderCounters,
 }
 
-/// What a [`FrameDecoder`] has counted since it was made.
+/// The counts of a [`FrameDecoder`] since it was created.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DecoderCounters {
     /// Good frames.
     pub frames: u64,
-    /// Frames that were stuffed well but whose checksum did not hold.
+    /// Frames with valid stuffing and a wrong checksum.
     pub crc_errors: u64,
-    /// Frames with bad stuffing, too short or too long.
+    /// Frames with invalid stuffing, too short or too long.
     pub malformed: u64,
-    /// Bytes of all frames that were not good, delimiters included. An empty frame (one delimiter after another) means
-    /// nothing and is not counted; neither is the frame in progress unless it is already too long.
+    /// Bytes of all rejected frames, including their delimiters. An empty frame (one delimiter
+    /// after another) is idle and not counted. The frame in progress is counted only once it is too
+    /// long.
     pub dropped_bytes: u64,
 }
 
 impl FrameDecoder {
-    /// A decoder that takes the next byte for the first of a frame.
+    /// A decoder that takes the next byte as the first of a frame.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Takes one byte; gives the frame that it completes. Bad frames are counted and otherwise pass in silence.
+    /// Takes one byte and returns the frame that it completes. Bad frames are only counted.
     pub fn push(&mut self, byte: u8) -> Option<Frame<'_>> {
         if byte == DELIMITER {
             return self.end();
@@ -60,7 +62,7 @@ impl FrameDecoder {
         None
     }
 
-    /// What has been counted so far.
+    /// The counts so far.
     #[must_use]
     pub const fn counters(&self) -> DecoderCounters {
         self.counters
@@ -72,7 +74,7 @@ impl FrameDecoder {
         self.overlong = false;
     }
 
-    /// Adds what `byte` stands for to the content; `None` where that is full.
+    /// Adds the unstuffed `byte` to the content; `None` if the content is full.
     fn unstuff(&mut self, byte: u8) -> Option<()> {
         if self.block_left > 0 {
             self.block_left -= 1;
@@ -82,7 +84,7 @@ impl FrameDecoder {
         if self.received == 1 { Some(()) } else { self.content.try_push(0).ok() }
     }
 
-    /// The delimiter has come.
+    /// Ends the frame at its delimiter.
     fn end(&mut self) -> Option<Frame<'_>> {
         let received = core::mem::take(&mut self.received);
         if received == 0 {

@@ -1,8 +1,9 @@
-//! A message's bytes become a frame: CRC-32 behind them, byte stuffing (COBS) around them, 0x00 at the end.
+//! Turns the bytes of a message into a frame: appends a CRC-32, applies byte stuffing (COBS), ends
+//! with 0x00.
 //!
-//! Consistent Overhead Byte Stuffing (Cheshire and Baker, 1999) replaces each zero by the distance to the next one. Its
-//! special case, a block of 254 bytes without a zero, cannot arise here: a frame's content has at most 250 bytes. So
-//! stuffing costs exactly one byte.
+//! Consistent Overhead Byte Stuffing (Cheshire and Baker, 1999) replaces each zero by the distance
+//! to the next one. Its special case, a block of 254 bytes without a zero, cannot occur here,
+//! because a frame's content has at most 250 bytes. So stuffing costs exactly one byte.
 
 use crate::message::Message;
 use arrayvec::ArrayVec;
@@ -45,7 +46,7 @@ pub struct Frame<'a> {
     pub payload: &'a [u8],
 }
 
-/// Makes frames of messages and numbers them from 0.
+/// Encodes messages as frames and numbers them from 0.
 #[derive(Clone, Debug, Default)]
 pub struct FrameEncoder {
     seq: u8,
@@ -58,7 +59,7 @@ impl FrameEncoder {
         Self { seq: 0 }
     }
 
-    /// The number of the next frame, which an ACK of it will repeat.
+    /// The number of the next frame; the ACK of that frame repeats it.
     #[must_use]
     pub const fn next_seq(&self) -> u8 {
         self.seq
@@ -75,7 +76,7 @@ impl FrameEncoder {
     }
 }
 
-/// The frame of any type, sequence number and payload, whether or not this version knows the type.
+/// The frame of any type, sequence number and payload. This version need not know the type.
 #[must_use]
 pub fn encode_frame(kind: u8, seq: u8, payload: &PayloadBuf) -> FrameBuf {
     let mut crc = CRC.digest();
@@ -92,7 +93,7 @@ pub fn encode_frame(kind: u8, seq: u8, payload: &PayloadBuf) -> FrameBuf {
             frame.push(1);
         } else {
             frame.push(byte);
-            // At most 251: no block is longer than a content.
+            // At most 251: no block is longer than the longest content.
             if let Some(code) = frame.get_mut(code_at) {
                 *code += 1;
             }

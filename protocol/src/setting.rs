@@ -31,7 +31,7 @@ macro_rules! settings {
                 }
             }
 
-            /// Its value on a board that nobody has told another.
+            /// Its value on a board where it was never set.
             #[must_use]
             pub const fn default(self) -> i32 {
                 match self {
@@ -53,19 +53,19 @@ settings! {
     EncoderPeriodMs = 4, "encoder_period_ms", 5..=1_000, 20;
     /// Encoder ticks per turn of a wheel: all edges of both channels.
     TicksPerTurn = 5, "ticks_per_turn", 1..=10_000_000, 1_440;
-    /// 1 where the left encoder counts backwards.
+    /// 1 if the left encoder counts backwards.
     LeftReversed = 6, "left_reversed", 0..=1, 0;
-    /// 1 where the right encoder counts backwards.
+    /// 1 if the right encoder counts backwards.
     RightReversed = 7, "right_reversed", 0..=1, 0;
-    /// 1 where the encoders are on each other's pins.
+    /// 1 if the two encoders are connected to each other's pins.
     WheelsSwapped = 8, "wheels_swapped", 0..=1, 0;
     /// Radius of the circle on which the sensors sit, millimetres.
     RingRadiusMm = 9, "ring_radius_mm", 0..=2_000, 150;
     /// Half the beam's opening angle, hundredths of degrees.
     HalfAngleCdeg = 10, "half_angle_cdeg", 0..=6_000, 1_250;
-    /// 1 where the sensors are numbered clockwise.
+    /// 1 if the sensors are numbered clockwise.
     Clockwise = 11, "clockwise", 0..=1, 0;
-    /// What is farther is no echo, millimetres.
+    /// Maximum range, millimetres; an echo from farther away is reported as no echo.
     MaxRangeMm = 12, "max_range_mm", 100..=6_000, 3_000;
 }
 
@@ -88,7 +88,7 @@ impl Setting {
         Self::ALL.into_iter().find(|setting| setting.name() == name)
     }
 
-    /// True where it changes what the ring fires: the board takes it only while it does not.
+    /// True if the setting changes the firing: the board accepts it only while the ring is stopped.
     #[must_use]
     pub const fn needs_stop(self) -> bool {
         matches!(self, Self::Sensors | Self::Groups | Self::SlotUs | Self::MaxRangeMm)

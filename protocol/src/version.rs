@@ -1,21 +1,23 @@
-//! The version of the protocol and what another version means.
+//! The version of the protocol, and the check of the board's version.
 
-/// The major version. Another one on the other side is refused: see [`crate::Hello::check_version`].
+/// The major version. The host rejects a board with another one: see
+/// [`crate::Hello::check_version`].
 pub const VERSION_MAJOR: u8 = 1;
 
-/// The minor version. It grows with each appended field or added message and never matters for compatibility.
+/// The minor version. It grows with each appended field or added message and never affects
+/// compatibility.
 pub const VERSION_MINOR: u8 = 0;
 
 /// The board speaks another major version.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum VersionError {
-    /// The board is behind.
+    /// The board's version is older.
     #[error("the board speaks protocol {board}, slamd speaks {VERSION_MAJOR}: update the board's firmware")]
     BoardIsOlder {
         /// The board's major version.
         board: u8,
     },
-    /// The host is behind.
+    /// The host's version is older.
     #[error("the board speaks protocol {board}, slamd speaks {VERSION_MAJOR}: update slamd")]
     HostIsOlder {
         /// The board's major version.
@@ -23,7 +25,7 @@ pub enum VersionError {
     },
 }
 
-/// Accepts [`VERSION_MAJOR`] alone.
+/// Accepts only [`VERSION_MAJOR`].
 pub(crate) fn check(board: u8) -> Result<(), VersionError> {
     match board.cmp(&VERSION_MAJOR) {
         core::cmp::Ordering::Less => Err(VersionError::BoardIsOlder { board }),

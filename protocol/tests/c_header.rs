@@ -44,7 +44,7 @@ fn the_header_holds_the_vectors_and_the_settings() {
             let vector: toml::Table = toml::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap();
             let text = |key: &str| vector.get(key).and_then(toml::Value::as_str);
             let frame = text("frame").unwrap();
-            // The header reads the host's messages only: a bad one of a board is the host's to refuse.
+            // The header parses only the host's messages; the host rejects a board's bad ones.
             if text("error") == Some("message") && path.to_string_lossy().contains("sonar") {
                 continue;
             }

@@ -1,4 +1,5 @@
-//! The firmware's core on a paper board behaves as the protocol says, and the image for the Mega builds and fits.
+//! The firmware's core behaves as the protocol says on a simulated board, and the image for the
+//! Mega builds and fits.
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
@@ -9,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::LazyLock;
 
-/// The paper board, built once.
+/// The simulated board, built once.
 static BOARD: LazyLock<PathBuf> = LazyLock::new(|| {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let program = Path::new(env!("CARGO_TARGET_TMPDIR")).join("paper_board");
@@ -25,7 +26,7 @@ static BOARD: LazyLock<PathBuf> = LazyLock::new(|| {
     program
 });
 
-/// What the host does and what happens around the board.
+/// The host's messages, and the events around the board.
 struct Script {
     text: String,
     encoder: FrameEncoder,
@@ -77,7 +78,7 @@ impl Script {
     }
 }
 
-/// Everything that sensor 5 heard.
+/// All echoes of sensor 5.
 fn echoes(messages: &[Message]) -> Vec<Echo> {
     let sonars = messages.iter().filter_map(|m| if let Message::Sonar(sonar) = m { Some(sonar) } else { None });
     sonars.flat_map(|sonar| sonar.echoes.iter().filter(|heard| heard.sensor == 5).map(|heard| heard.echo)).collect()

@@ -1,4 +1,5 @@
-//! A hundred million noisy bytes through the decoder; `cargo bench -p slamd-protocol --bench noise` takes a thousand million.
+//! Sends a hundred million noisy bytes through the decoder;
+//! `cargo bench -p slamd-protocol --bench noise` sends a thousand million.
 
 mod messages;
 mod noisy_line;
@@ -16,7 +17,7 @@ fn no_wrong_frame_is_accepted() {
         println!("{line:?}: {outcome:?}");
         assert_eq!(outcome.wrong, 0);
         assert!(outcome.bytes >= bytes);
-        assert!(outcome.accepted > outcome.sent / 100, "the test is about frames that come through");
-        assert!(outcome.crc_errors > 1_000, "the test is about checksums that fail");
+        assert!(outcome.accepted > outcome.sent / 100, "too few frames were accepted for a meaningful test");
+        assert!(outcome.crc_errors > 1_000, "too few checksums failed for a meaningful test");
     }
 }

@@ -1,4 +1,4 @@
-//! What holds for all messages, all streams and all corruption.
+//! Properties of all messages, all streams and all corruptions.
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
@@ -24,7 +24,7 @@ fn decode(bytes: &[u8]) -> (Vec<Content>, DecoderCounters) {
     (frames, decoder.counters())
 }
 
-/// The frames of a stream; neighbours differ by their number.
+/// The frames of a stream; neighbours differ in their sequence number.
 fn frames(count: impl Into<proptest::collection::SizeRange>) -> impl Strategy<Value = Vec<FrameBuf>> {
     prop::collection::vec(message(), count).prop_map(|messages| {
         let mut encoder = FrameEncoder::new();
@@ -36,7 +36,7 @@ fn contents(frames: &[FrameBuf]) -> Vec<Content> {
     frames.iter().flat_map(|frame| decode(frame).0).collect()
 }
 
-/// Bytes among which the delimiter is frequent.
+/// Bytes with frequent delimiters.
 fn garbage(len: impl Into<proptest::collection::SizeRange>) -> impl Strategy<Value = Vec<u8>> {
     prop::collection::vec(prop_oneof![9 => any::<u8>(), 1 => Just(0)], len)
 }
@@ -95,7 +95,7 @@ proptest! {
         prop_assert_eq!(decode(&frame), (vec![(kind, seq, payload)], expected));
     }
 
-    /// The decoder has no notion of a chunk; it may be set aside between any two bytes.
+    /// The decoder does not know about chunks; it may pause between any two bytes.
     #[test]
     fn chunking_does_not_matter(sent in frames(1..6), noise in garbage(0..40), at: prop::sample::Index,
                                 cuts in prop::collection::vec(1..80usize, 1..50)) {
@@ -118,7 +118,7 @@ proptest! {
         prop_assert_eq!((heard, decoder.counters()), decode(&stream));
     }
 
-    /// A burst that leaves the frame's delimiter alone costs that frame and no other.
+    /// A burst that does not touch the frame's delimiter costs only that frame.
     #[test]
     fn a_burst_inside_one_frame_costs_at_most_that_frame(sent in frames(3), from: prop::sample::Index,
                                                          to: prop::sample::Index, burst in garbage(0..300)) {
@@ -130,7 +130,8 @@ proptest! {
         prop_assert!(heard == all || heard == [all[0].clone(), all[2].clone()], "{:?}", heard);
     }
 
-    /// A burst anywhere costs at most the frames that it touches and, where it took the last one's delimiter, the next.
+    /// A burst anywhere costs at most the frames that it touches, and the next one if it removed
+    /// the last one's delimiter.
     #[test]
     fn a_burst_costs_at_most_the_frames_it_touches_and_one(sent in frames(4..8), from: prop::sample::Index,
                                                            len in 0..600usize, burst in garbage(0..600)) {
@@ -157,7 +158,7 @@ proptest! {
         prop_assert!(heard.ends_with(&contents(&sent)[1..]));
     }
 
-    /// Every byte is accounted for, except idle delimiters.
+    /// Every byte is counted, except idle delimiters.
     #[test]
     fn bytes_are_dropped_by_count(noise in garbage(0..3 * MAX_FRAME)) {
         let stream = [noise, vec![0]].concat();

@@ -1,4 +1,4 @@
-//! The tables of README.md say what the code says.
+//! The tables of README.md match the code.
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
@@ -6,7 +6,7 @@ use slamd_protocol::{Setting, kind};
 
 const SPECIFICATION: &str = include_str!("../README.md");
 
-/// The cells of each row whose first cell satisfies `is_key`.
+/// The cells of each row with a first cell that satisfies `is_key`.
 fn rows(is_key: impl Fn(&str) -> bool) -> Vec<Vec<&'static str>> {
     let cells = |line: &'static str| line.trim_matches('|').split('|').map(str::trim).collect::<Vec<_>>();
     SPECIFICATION.lines().filter(|line| line.starts_with('|')).map(cells).filter(|cells| is_key(cells[0])).collect()

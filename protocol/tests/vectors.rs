@@ -1,4 +1,4 @@
-//! The golden vectors: bytes → message → the same bytes, and bad bytes refused as they should be.
+//! The golden vectors: bytes → message → the same bytes; bad bytes give the expected error.
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Makes the golden vectors from the tables of ../README.md, independently of the Rust crate: struct, zlib.crc32 and its own COBS.
+"""Makes the golden vectors from the tables of ../README.md with struct, zlib.crc32 and its own
+COBS, so they check the Rust crate independently.
 
 Usage: python3 make.py (writes the .toml files beside it)
 """

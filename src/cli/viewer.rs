@@ -78,7 +78,9 @@ impl ReplayViewerArgs {
 impl Watched {
     /// Lets the viewers see the session.
     pub(super) fn watch(&self, session: &mut Session) {
-        self.viewer.watch(session);
+        if let Some(watcher) = self.viewer.watcher() {
+            session.watch(watcher);
+        }
     }
 
     /// The session is gone; its last is shown. Where a replay is served, until somebody ends it.

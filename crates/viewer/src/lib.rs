@@ -5,6 +5,8 @@
 //! The pipeline's thread copies what is small and goes on; a queue that is full drops, and counts. Each sink has its thread, its stream and
 //! its own memory of the map, so that a viewer may come late, go away, hang or be none.
 
+#![forbid(unsafe_code)]
+
 mod chart;
 mod choice;
 mod known;
@@ -27,9 +29,9 @@ pub use log_layer::LogLayer;
 pub use sink::Identity;
 pub use tap::Tap;
 
-use crate::source::session::Session;
 use choice::{reached, url};
 use mailbox::{Inbox, Mailbox, mailbox};
+use slamd_core::driver::Watcher;
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::path::Path;
 use std::sync::mpsc::{Receiver, channel};
@@ -142,10 +144,11 @@ impl Viewer {
         Some(url(address))
     }
 
-    /// Lets the sinks see the session, and the log.
-    pub fn watch(&self, session: &mut Session) {
-        let Some(mut tap) = self.tap() else { return };
-        session.watch(Box::new(move |scene, sight| tap.see(scene, sight)));
+    /// What shows a session, and the log, to the sinks; none where there is no sink.
+    #[must_use]
+    pub fn watcher(&self) -> Option<Watcher> {
+        let mut tap = self.tap()?;
+        Some(Box::new(move |context, update| tap.see(context, update)))
     }
 
     /// What found no room so far, over all sinks.

@@ -1,6 +1,6 @@
 //! The log, for the viewers.
 
-use super::mailbox::{Line, Mailbox, Update};
+use super::mailbox::{Line, Mailbox, SinkUpdate};
 use std::fmt::{Debug, Write as _};
 use std::sync::{Arc, Mutex, PoisonError};
 use tracing::field::{Field, Visit};
@@ -35,9 +35,9 @@ impl<S: Subscriber> Layer<S> for LogLayer {
         };
         let mut text = Text::default();
         event.record(&mut text);
-        let news = Update::Line(Arc::new(Line { level, text: text.0 }));
+        let update = SinkUpdate::Line(Arc::new(Line { level, text: text.0 }));
         for reader in READERS.lock().unwrap_or_else(PoisonError::into_inner).iter() {
-            reader.offer(news.clone());
+            reader.offer(update.clone());
         }
     }
 }

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 /// What a sink hears of.
 #[derive(Clone, Debug)]
-pub(super) enum Update {
+pub(super) enum SinkUpdate {
     /// A sweep.
     Snapshot(Arc<Snapshot>),
     /// Where the robot truly was, for once.
@@ -44,7 +44,7 @@ pub(super) struct NewMap {
     pub(super) whole: Option<Arc<Raster>>,
 }
 
-/// Queued news: 12 s at 20 Hz.
+/// Queued update: 12 s at 20 Hz.
 const MAX_QUEUED: usize = 256;
 /// How long a replay waits for a sink that takes nothing, before it goes on without it.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -62,14 +62,14 @@ struct Shared {
 /// The pipeline's end.
 #[derive(Clone, Debug)]
 pub(super) struct Mailbox {
-    sender: SyncSender<Update>,
+    sender: SyncSender<SinkUpdate>,
     shared: Arc<Shared>,
 }
 
 /// The sink's end.
 #[derive(Debug)]
 pub(super) struct Inbox {
-    receiver: Receiver<Update>,
+    receiver: Receiver<SinkUpdate>,
     shared: Arc<Shared>,
 }
 
@@ -82,21 +82,21 @@ pub(super) fn mailbox(is_patient: bool) -> (Mailbox, Inbox) {
 }
 
 impl Mailbox {
-    /// Queues news, or drops and counts them.
-    pub(super) fn offer(&self, news: Update) {
-        let Err(TrySendError::Full(news)) = self.sender.try_send(news) else { return };
-        if !self.shared.is_patient.load(Ordering::Relaxed) || !self.wait(news) {
+    /// Queues update, or drops and counts them.
+    pub(super) fn offer(&self, update: SinkUpdate) {
+        let Err(TrySendError::Full(update)) = self.sender.try_send(update) else { return };
+        if !self.shared.is_patient.load(Ordering::Relaxed) || !self.wait(update) {
             self.shared.dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
 
     /// True where there was room in time; nobody waits twice for a sink that is stuck.
     #[expect(clippy::disallowed_methods, reason = "only where nothing is in a hurry")]
-    fn wait(&self, mut news: Update) -> bool {
+    fn wait(&self, mut update: SinkUpdate) -> bool {
         for _ in 0..PATIENCE.as_millis() / NAP.as_millis() {
             std::thread::sleep(NAP);
-            match self.sender.try_send(news) {
-                Err(TrySendError::Full(back)) => news = back,
+            match self.sender.try_send(update) {
+                Err(TrySendError::Full(back)) => update = back,
                 _ => return true,
             }
         }
@@ -109,7 +109,7 @@ impl Mailbox {
         if self.shared.is_patient.load(Ordering::Relaxed) {
             let mut map = NewMap::default();
             update(&mut map);
-            return self.offer(Update::Map(Arc::new(map)));
+            return self.offer(SinkUpdate::Map(Arc::new(map)));
         }
         update(&mut self.shared.map.lock().unwrap_or_else(PoisonError::into_inner));
     }
@@ -122,17 +122,17 @@ impl Mailbox {
 }
 
 impl Inbox {
-    /// The next news. Looks now and then instead of waiting in the queue: waking it up would cost the pipeline's thread more than all
+    /// The next update. Looks now and then instead of waiting in the queue: waking it up would cost the pipeline's thread more than all
     /// the rest.
     ///
     /// # Errors
     /// When none come in time, or none will come any more.
     #[expect(clippy::disallowed_methods, reason = "people live in real time")]
-    pub(super) fn next(&self, timeout: Duration) -> Result<Update, RecvTimeoutError> {
+    pub(super) fn next(&self, timeout: Duration) -> Result<SinkUpdate, RecvTimeoutError> {
         let begin = Instant::now();
         loop {
             match self.receiver.try_recv() {
-                Ok(news) => return Ok(news),
+                Ok(update) => return Ok(update),
                 Err(TryRecvError::Disconnected) => return Err(RecvTimeoutError::Disconnected),
                 Err(TryRecvError::Empty) if begin.elapsed() >= timeout => return Err(RecvTimeoutError::Timeout),
                 Err(TryRecvError::Empty) => {
@@ -160,8 +160,8 @@ impl Inbox {
 mod tests {
     use super::*;
 
-    fn line() -> Update {
-        Update::Line(Arc::new(Line { level: "INFO", text: "hello".into() }))
+    fn line() -> SinkUpdate {
+        SinkUpdate::Line(Arc::new(Line { level: "INFO", text: "hello".into() }))
     }
 
     #[test]

@@ -1,8 +1,8 @@
-//! Update → Rerun. All of it happens on the sink's own thread: times are thread-local, and logging may block.
+//! SinkUpdate → Rerun. All of it happens on the sink's own thread: times are thread-local, and logging may block.
 
 use super::known::Known;
 use super::layout::{self, Eye};
-use super::mailbox::{Inbox, Line, NewMap, Update};
+use super::mailbox::{Inbox, Line, NewMap, SinkUpdate};
 use super::snapshot::Snapshot;
 use super::{shapes, style};
 use rerun::{RecordingStream, RecordingStreamResult, Scalars, StateChange, TextLog};
@@ -72,19 +72,19 @@ impl RerunWriter {
         self.rec.as_ref().map_or(Ok(()), |rec| layout::send(rec, self.eye()))
     }
 
-    /// Takes news.
+    /// Takes update.
     ///
     /// # Errors
     /// As Rerun.
-    pub(super) fn take(&mut self, news: &Update, inbox: &Inbox) -> RecordingStreamResult<()> {
-        match news {
-            Update::Snapshot(snapshot) => self.snapshot(snapshot, inbox),
-            Update::Truth(at, pose) => {
+    pub(super) fn take(&mut self, update: &SinkUpdate, inbox: &Inbox) -> RecordingStreamResult<()> {
+        match update {
+            SinkUpdate::Snapshot(snapshot) => self.snapshot(snapshot, inbox),
+            SinkUpdate::Truth(at, pose) => {
                 self.known.truth(*at, *pose);
                 Ok(())
             }
-            Update::Line(line) => self.line(line),
-            Update::Map(map) => {
+            SinkUpdate::Line(line) => self.line(line),
+            SinkUpdate::Map(map) => {
                 self.has_new_map |= self.known.chart.update(NewMap::clone(map));
                 Ok(())
             }

@@ -74,8 +74,8 @@ impl Identity {
 pub(super) fn draw(rec: RecordingStream, identity: &Identity, inbox: &Inbox) -> Option<RecordingStream> {
     let mut writer = RerunWriter::new(identity.unix_zero_us);
     complain(writer.begin(rec));
-    while let Ok(news) = inbox.next(Duration::MAX) {
-        complain(writer.take(&news, inbox));
+    while let Ok(update) = inbox.next(Duration::MAX) {
+        complain(writer.take(&update, inbox));
     }
     complain(writer.step_back());
     let rec = writer.end();
@@ -114,7 +114,7 @@ pub(super) fn visit(url: &str, host: &str, identity: &Identity, inbox: &Inbox) {
             looked = Some(Instant::now());
         }
         match inbox.next(LOOK) {
-            Ok(news) => complain(writer.take(&news, inbox)),
+            Ok(update) => complain(writer.take(&update, inbox)),
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => break,
         }

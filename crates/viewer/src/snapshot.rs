@@ -45,7 +45,7 @@ pub(super) struct Beam {
     pub(super) verdict: Verdict,
     /// The sensor's state.
     pub(super) state: SensorState,
-    /// The evidence that the sensor is broken; 6 convicts, NaN where the method has none.
+    /// The evidence that the sensor is broken; a fault is declared from 6 on, NaN where the method has none.
     pub(super) score: f32,
     /// Root of what PCA leaves unexplained, metres.
     pub(super) residual_m: f32,
@@ -58,7 +58,7 @@ impl Snapshot {
         let beams = pipeline.sweep().map_or(&[][..], |sweep| &sweep.beams);
         let states = pipeline.states();
         let beam = |(sensor, beam): (usize, &slamd_core::sweep::Beam)| {
-            let (score, residual_m) = pipeline.suspicion(sensor);
+            let (score, residual_m) = pipeline.fault_evidence(sensor);
             let verdict = pipeline.verdict(sensor);
             Beam {
                 robot_from_sensor: beam.robot_from_sensor,

@@ -1,9 +1,9 @@
 //! The pipeline's thread: copies what is small, leaves it for the sinks, goes on.
 
-use super::mailbox::{Mailbox, NewMap, Update};
+use super::mailbox::{Mailbox, NewMap, SinkUpdate};
 use super::snapshot::Snapshot;
 use slamd_core::driver::{Context, Update};
-use slamd_core::event::{Estimate, Event, LockChange, LockEvent, PositionEvent};
+use slamd_core::event::{Estimate, Event};
 use slamd_core::geometry::Ring;
 use slamd_core::mapping::grid::MapChange;
 use slamd_core::pipeline::Pipeline;
@@ -49,50 +49,49 @@ impl Tap {
     }
 
     /// Takes what happens.
-    pub fn see(&mut self, scene: &Context<'_>, sight: Update<'_>) {
-        match sight {
+    pub fn see(&mut self, context: &Context<'_>, update: Update<'_>) {
+        match update {
             Update::Event(Event::Estimate(estimate)) => {
                 // The first poses come all at once, when the axis is found; only the last one's sweep is still there.
                 if let Some(earlier) = self.estimate.replace(*estimate) {
-                    self.show(scene, earlier.at, earlier.sweep, Some(earlier));
+                    self.show(context, earlier.at, earlier.sweep, Some(earlier));
                 }
             }
-            Update::Event(Event::Lock(LockEvent { change, .. })) => self.is_lost = *change == LockChange::Lost,
-            Update::Event(Event::Position(PositionEvent { is_known, .. })) => self.is_lost = !is_known,
-            Update::Event(_) => {}
+            Update::Event(Event::Localization(event)) => self.is_lost = event.is_lost(),
+            Update::Event(_) | Update::Transmit(_) => {}
             Update::Truth(at, pose) => {
                 if self.true_at.is_none_or(|last| at.seconds_since(last) >= TRUTH_PERIOD_S) {
                     self.true_at = Some(at);
-                    self.offer(&Update::Truth(at, pose));
+                    self.offer(&SinkUpdate::Truth(at, pose));
                 }
             }
-            Update::Input => self.sweep(scene),
+            Update::Input => self.sweep(context),
         }
     }
 
     /// Shows the newest sweep, if it is new.
-    fn sweep(&mut self, scene: &Context<'_>) {
-        let Some(sweep) = scene.pipeline.sweep() else { return };
+    fn sweep(&mut self, context: &Context<'_>) {
+        let Some(sweep) = context.pipeline.sweep() else { return };
         let estimate = self.estimate.take();
         if self.sweep == Some(sweep.index) && estimate.is_none() {
             return;
         }
         if let Some(earlier) = estimate.filter(|estimate| estimate.sweep != sweep.index) {
-            self.show(scene, earlier.at, earlier.sweep, Some(earlier));
+            self.show(context, earlier.at, earlier.sweep, Some(earlier));
         }
         if self.sweep.replace(sweep.index) != Some(sweep.index) {
-            self.look_at_map(scene.pipeline, sweep.at);
-            self.show(scene, sweep.at, sweep.index, estimate.filter(|estimate| estimate.sweep == sweep.index));
+            self.look_at_map(context.pipeline, sweep.at);
+            self.show(context, sweep.at, sweep.index, estimate.filter(|estimate| estimate.sweep == sweep.index));
         }
     }
 
-    fn show(&mut self, scene: &Context<'_>, at: Timestamp, sweep: u64, estimate: Option<Estimate>) {
-        if let Some(ring) = scene.pipeline.ring().filter(|ring| **ring != *self.ring) {
+    fn show(&mut self, context: &Context<'_>, at: Timestamp, sweep: u64, estimate: Option<Estimate>) {
+        if let Some(ring) = context.pipeline.ring().filter(|ring| **ring != *self.ring) {
             self.ring = Arc::new(ring.clone());
         }
         let is_newest = self.sweep == Some(sweep);
         let is_time = self.walled.is_none_or(|last| at.seconds_since(last) >= MAP_PERIOD_S);
-        let segments = (is_newest && is_time).then(|| scene.pipeline.segments().into());
+        let segments = (is_newest && is_time).then(|| context.pipeline.segments().into());
         if segments.is_some() {
             self.walled = Some(at);
         }
@@ -100,15 +99,15 @@ impl Tap {
             at,
             sweep,
             estimate,
-            beams: if is_newest { Snapshot::beams(scene.pipeline) } else { Vec::new() },
+            beams: if is_newest { Snapshot::beams(context.pipeline) } else { Vec::new() },
             ring: Arc::clone(&self.ring),
             is_lost: self.is_lost,
             segments,
-            counters: scene.pipeline.counters(),
-            latency: Duration::from_secs_f64(scene.now.seconds_since(at).max(0.0)),
-            took: scene.took,
+            counters: context.pipeline.counters(),
+            latency: Duration::from_secs_f64(context.now.seconds_since(at).max(0.0)),
+            took: context.took,
         };
-        self.offer(&Update::Snapshot(Arc::new(snapshot)));
+        self.offer(&SinkUpdate::Snapshot(Arc::new(snapshot)));
     }
 
     fn look_at_map(&mut self, pipeline: &Pipeline, at: Timestamp) {
@@ -140,7 +139,7 @@ impl Tap {
         self.mailboxes.iter().for_each(|mailbox| mailbox.update_map(&update));
     }
 
-    fn offer(&self, news: &Update) {
-        self.mailboxes.iter().for_each(|mailbox| mailbox.offer(news.clone()));
+    fn offer(&self, update: &SinkUpdate) {
+        self.mailboxes.iter().for_each(|mailbox| mailbox.offer(update.clone()));
     }
 }

@@ -1,4 +1,4 @@
-/* Without the Arduino core, which brings its own main. SPDX-License-Identifier: MIT OR Apache-2.0 */
+/* main, for builds without the Arduino core. SPDX-License-Identifier: MIT OR Apache-2.0 */
 #if defined(__AVR_ATmega2560__) && !defined(ARDUINO)
 #include "slamd_ring.h"
 

@@ -1,6 +1,6 @@
 /* Arduino Mega 2560. SPDX-License-Identifier: MIT OR Apache-2.0
  *
- * Timer 1 interrupts every 25 us, reads all echo and encoder pins, and stores what changed. */
+ * Timer 1 interrupts every 25 us, reads all echo and encoder pins, and stores the changes. */
 #ifdef __AVR_ATmega2560__
 
 #include "slamd_port.h"
@@ -13,7 +13,7 @@
 #include <util/delay.h>
 
 #define SAMPLE_US 25
-#define BYTE_US 85 /* ten bits at 117647 baud, which is what the crystal makes of 115200 */
+#define BYTE_US 85 /* ten bits at 117647 baud, the nearest rate to 115200 that the crystal allows */
 
 const char slamd_port_board[] = "mega2560";
 
@@ -37,7 +37,7 @@ static uint32_t packed(uint8_t a, uint8_t c, uint8_t l, uint8_t k) {
     return a | (uint32_t)c << 8 | (uint32_t)l << 16 | (uint32_t)k << 24;
 }
 
-/* With interrupts off. */
+/* Call with interrupts disabled. */
 static uint32_t now_us(void) {
     uint32_t base = sampled_us;
     uint16_t count = TCNT1;
@@ -53,7 +53,7 @@ ISR(TIMER1_COMPA_vect) {
     sampled_us += SAMPLE_US;
     if (a != last_a || c != last_c || l != last_l || k != last_k) {
         uint8_t next = (edge_in + 1) & 63;
-        /* With the queue full the change stays to be seen by the next sample. */
+        /* If the queue is full, the next sample sees the change again. */
         if (next != edge_out) {
             last_a = a, last_c = c, last_l = l, last_k = k;
             edges[edge_in].t_us = sampled_us;
@@ -91,7 +91,7 @@ ISR(USART0_UDRE_vect) {
 void slamd_port_begin(void) {
     DDRF = 0xFF;
     DDRB |= _BV(PB7);
-    PORTD |= 0x0F; /* pull-ups: many encoders have open collectors */
+    PORTD |= 0x0F; /* pull-ups: many encoders have open-collector outputs */
     PORTF = 0;
     last_d = PIND;
     TCCR1A = 0;

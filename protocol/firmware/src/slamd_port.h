@@ -1,4 +1,4 @@
-/* What a microcontroller must offer the ring. SPDX-License-Identifier: MIT OR Apache-2.0 */
+/* What a port to a microcontroller must provide. SPDX-License-Identifier: MIT OR Apache-2.0 */
 #ifndef SLAMD_PORT_H
 #define SLAMD_PORT_H
 
@@ -9,7 +9,7 @@
 extern "C" {
 #endif
 
-/* The echo pins from one instant on; bit i is sensor i. */
+/* The levels of the echo pins from t_us on; bit i is sensor i. */
 struct slamd_edge {
     uint32_t t_us;
     uint32_t levels;
@@ -21,16 +21,17 @@ uint32_t slamd_port_now_us(void); /* wraps */
 uint32_t slamd_port_levels(void);                  /* echo pins now */
 bool slamd_port_next_edge(struct slamd_edge *edge); /* oldest change not yet taken */
 void slamd_port_trigger(uint8_t lines);            /* 10 us high; bit l is trigger line l */
-void slamd_port_ticks(int32_t ticks[2]);           /* quadrature counts of both encoders, left plug first */
+void slamd_port_ticks(int32_t ticks[2]);           /* quadrature counts, left connector first */
 
 bool slamd_port_receive(uint8_t *byte, uint32_t *t_us); /* t_us: arrival; needed for zero bytes only */
-bool slamd_port_send(const uint8_t *bytes, uint16_t len); /* all or, if they do not fit, none */
+bool slamd_port_send(const uint8_t *bytes, uint16_t len); /* all, or none if they do not fit */
 uint32_t slamd_port_send_delay_us(void);            /* until a byte queued now leaves */
 
-void slamd_port_rest(void); /* sleeps at most 0.2 ms: nothing in the ring is more urgent */
+void slamd_port_rest(void); /* sleeps at most 0.2 ms; nothing in the ring is more urgent */
 
-uint8_t slamd_port_load(uint8_t at);             /* 64 bytes that survive loss of supply, 0xFF when new */
-bool slamd_port_store(uint8_t at, uint8_t byte); /* begins to write what differs; false while the last write goes on */
+uint8_t slamd_port_load(uint8_t at);             /* 64 non-volatile bytes, 0xFF when new */
+/* Starts to write a changed byte; returns false while the last write is in progress. */
+bool slamd_port_store(uint8_t at, uint8_t byte);
 extern const char slamd_port_board[];            /* at most 16 bytes */
 
 #ifdef __cplusplus

@@ -1,4 +1,4 @@
-/* The board's behaviour, without any hardware. SPDX-License-Identifier: MIT OR Apache-2.0 */
+/* The board's behaviour, without hardware access. SPDX-License-Identifier: MIT OR Apache-2.0 */
 #include "slamd_ring.h"
 #include "slamd_port.h"
 #include "slamd_protocol.h"
@@ -6,8 +6,8 @@
 
 #define SENSORS_MAX 32
 #define TRIGGER_LINES 8
-#define HELLO_US 100000UL /* between two greetings while nobody answers */
-#define MUTE_CYCLES 8 /* pings without any answer before a sensor is reported */
+#define HELLO_US 100000UL /* between two HELLO messages until the host answers */
+#define MUTE_CYCLES 8 /* unanswered pings in a row before a sensor is reported */
 
 /* Non-volatile: the boot counter, the settings, their checksum. */
 #define BOOT_AT 0
@@ -93,7 +93,7 @@ static void load(void) {
     settings_to_store();
 }
 
-/* Begins to write at most one byte per call, for a write takes milliseconds. */
+/* Starts to write at most one byte per call, because a write takes milliseconds. */
 static void save(void) {
     if (store_at < STORE_LEN && slamd_port_store(store_at, store[store_at])) store_at++;
 }
@@ -191,7 +191,7 @@ static void hear(void) {
     uint8_t byte;
     uint32_t t_us;
     struct slamd_request request;
-    /* A bound, so that a chattering host cannot keep the ring from firing. */
+    /* Bounded, so that a host that sends without pause cannot stop the firing. */
     for (uint8_t i = 0; i < 64 && slamd_port_receive(&byte, &t_us); i++) {
         if (slamd_push(&decoder, byte) && slamd_parse(&decoder, &request)) answer(&request, t_us);
     }
@@ -227,7 +227,7 @@ static void report_fault(uint8_t sensor, uint8_t code) {
     send();
 }
 
-/* What sensor i heard; false where it never answered. */
+/* The echo of sensor i; false if it did not answer. */
 static bool echo_of(uint8_t i, uint16_t *echo, uint8_t *fault) {
     uint32_t bit = (uint32_t)1 << i;
     uint32_t max_us = (uint32_t)setting(SLAMD_MAX_RANGE_MM) * 2000 / 343; /* sound at 20 degrees Celsius */
@@ -277,7 +277,7 @@ static void begin_ping(void) {
 static void fire(void) {
     take_edges();
     if (!streaming || (int32_t)(slamd_port_now_us() - due_us) < 0) return;
-    /* From slot to slot, so that the time to send what was heard does not lower the rate. */
+    /* Counts from slot to slot, so that the time to send the echoes does not lower the rate. */
     due_us += (uint32_t)setting(SLAMD_SLOT_US);
     if (pinging) end_ping();
     begin_ping();

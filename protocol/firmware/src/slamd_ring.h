@@ -11,10 +11,10 @@ extern "C" {
 #define SLAMD_FIRMWARE_VERSION "0.1.0"
 
 void slamd_ring_begin(void);
-void slamd_ring_poll(void); /* as often as possible; rests 0.2 ms at most */
+void slamd_ring_poll(void); /* call as often as possible; sleeps 0.2 ms at most */
 
 /* The step between two readings of a quadrature encoder (bit 0 A, bit 1 B): A before B counts up. Two edges at once
- * have no direction and count nothing. */
+ * have no direction and count as 0. */
 static inline int8_t slamd_quadrature_step(uint8_t before, uint8_t now) {
     static const int8_t steps[16] = {0, 1, -1, 0, -1, 0, 0, 1, 1, 0, 0, -1, 0, -1, 1, 0};
     return steps[(before & 3) << 2 | (now & 3)];

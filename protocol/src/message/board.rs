@@ -14,7 +14,7 @@ pub struct Encoder {
     pub left_ticks: i32,
     /// The right wheel, counted from the board's start, forward positive.
     pub right_ticks: i32,
-    /// No bit has a meaning yet: 0.
+    /// Reserved, 0: no bit has a meaning yet.
     pub flags: u8,
 }
 
@@ -29,7 +29,7 @@ impl Encoder {
     }
 }
 
-/// How the board fares, once a second. The counters count from the board's start and wrap.
+/// The board's health, once a second. The counters start at 0 when the board starts, and wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Status {
     /// Board time in microseconds.
@@ -38,9 +38,10 @@ pub struct Status {
     pub frames: u32,
     /// Frames not sent because the line was busy.
     pub overruns: u32,
-    /// Frames received whose checksum did not hold.
+    /// Frames received with a wrong checksum.
     pub crc_errors: u32,
-    /// Air temperature in hundredths of a degree Celsius; 0x7FFF means unknown and cannot be sent as a temperature.
+    /// Air temperature in hundredths of a degree Celsius; 0x7FFF means unknown and cannot be sent
+    /// as a temperature.
     pub temperature_cdeg: Option<i16>,
     /// Supply voltage in millivolts.
     pub supply_mv: Option<NonZeroU16>,
@@ -71,7 +72,7 @@ impl Status {
 
 const UNKNOWN_TEMPERATURE: i16 = 0x7FFF;
 
-/// An enum of one byte on the wire, with the error for all other bytes.
+/// Defines an enum that is one byte on the wire, and the error for all other bytes.
 macro_rules! codes {
     ($(#[$doc:meta])* $name:ident, $field:literal, $expected:literal, { $($(#[$item_doc:meta])* $item:ident = $code:literal,)* }) => {
         $(#[$doc])*
@@ -93,11 +94,11 @@ macro_rules! codes {
 }
 
 codes! {
-    /// What the board noticed about a sensor.
+    /// A sensor fault that the board detects.
     FaultCode, "code of FAULT", "0 to 3", {
-        /// The fault is over.
+        /// The fault has ended.
         Cleared = 0,
-        /// The echo pin does not fall.
+        /// The echo pin stays high.
         PinStuck = 1,
         /// The echo pin is high before the trigger.
         HighAtTrigger = 2,
@@ -107,13 +108,13 @@ codes! {
 }
 
 codes! {
-    /// What became of a command.
+    /// The result of a command.
     AckResult, "result of ACK", "0 to 3", {
-        /// It is done.
+        /// The board executed it.
         Done = 0,
         /// The board does not know the message type or the configuration key.
         Unknown = 1,
-        /// The board does not accept it.
+        /// The board rejects the value.
         Refused = 2,
         /// The board cannot do it now.
         Busy = 3,
@@ -127,7 +128,7 @@ pub struct Fault {
     pub t_us: u32,
     /// The sensor's id.
     pub sensor: u8,
-    /// What the board noticed.
+    /// The fault.
     pub code: FaultCode,
 }
 
@@ -142,7 +143,7 @@ impl Fault {
     }
 }
 
-/// A line of text for people.
+/// A line of text for the user.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Log {
     /// 0 error, 1 warning, 2 information, 3 and above debugging.

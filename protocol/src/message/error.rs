@@ -1,10 +1,10 @@
-//! Why the payload of a good frame was refused.
+//! Why the payload of a good frame was rejected.
 
-/// The payload of a frame is not what its type asks for.
+/// The payload of a frame is invalid for its type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MessageError {
-    /// The other side is newer: count the frame and go on.
+    /// The other side is newer: count the frame and continue.
     #[error("message type {0:#04x} is unknown")]
     UnknownType(u8),
     /// The payload has the wrong length.
@@ -14,17 +14,17 @@ pub enum MessageError {
         message: &'static str,
         /// The payload's length.
         got: usize,
-        /// The lengths that would do.
+        /// The valid lengths.
         expected: &'static str,
     },
-    /// A field has a value without a meaning.
+    /// A field has an invalid value.
     #[error("{field} is {got}, expected {expected}")]
     Value {
         /// The field and its message.
         field: &'static str,
         /// The field's value.
         got: i32,
-        /// The values that would do.
+        /// The valid values.
         expected: &'static str,
     },
     /// GEOMETRY places sensors that the ring does not have.

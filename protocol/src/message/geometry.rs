@@ -4,10 +4,10 @@ use super::MessageError;
 use super::wire::{Reader, Writer};
 use arrayvec::ArrayVec;
 
-/// The most sensors that one GEOMETRY places; a larger ring takes several.
+/// Maximum number of sensors in one GEOMETRY; a larger ring takes several messages.
 pub const MAX_PLACEMENTS: usize = 26;
 
-/// The most GEOMETRY messages that a ring takes.
+/// Maximum number of GEOMETRY messages for one ring.
 const MAX_PARTS: usize = (u8::MAX as usize).div_ceil(MAX_PLACEMENTS);
 
 /// Where one sensor sits on the robot (x forward, y left, angles counter-clockwise).
@@ -25,7 +25,7 @@ pub struct Placement {
     pub group: u8,
 }
 
-/// The places of some consecutive sensors of the ring.
+/// The placements of some consecutive sensors of the ring.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Geometry {
     total: u8,
@@ -34,10 +34,11 @@ pub struct Geometry {
 }
 
 impl Geometry {
-    /// The places of the sensors from `first` on, in a ring of `total`.
+    /// The placements of the sensors from `first` on, in a ring of `total`.
     ///
     /// # Errors
-    /// More than [`MAX_PLACEMENTS`] placements, sensors beyond `total`, or an angle out of its range.
+    /// More than [`MAX_PLACEMENTS`] placements, sensors beyond `total`, or an angle out of its
+    /// range.
     pub fn new(total: u8, first: u8, placements: &[Placement]) -> Result<Self, MessageError> {
         let count = placements.len();
         if usize::from(first) + count > usize::from(total) {
@@ -54,7 +55,7 @@ impl Geometry {
         Ok(Self { total, first, placements })
     }
 
-    /// The messages that place a whole ring.
+    /// The messages that describe a whole ring.
     ///
     /// # Errors
     /// More than 255 sensors, or an angle out of its range.
@@ -74,13 +75,13 @@ impl Geometry {
         self.total
     }
 
-    /// The id of the first sensor placed.
+    /// The id of the first sensor in this message.
     #[must_use]
     pub const fn first(&self) -> u8 {
         self.first
     }
 
-    /// The places of the sensors [`Self::first`], the next one, and so on.
+    /// The placements of sensor [`Self::first`] and its successors.
     #[must_use]
     pub fn placements(&self) -> &[Placement] {
         &self.placements

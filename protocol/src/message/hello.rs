@@ -1,17 +1,17 @@
-//! HELLO: who the board is.
+//! HELLO: the board's identity.
 
 use super::wire::{Reader, Writer};
 use super::{MessageError, Text};
 use crate::version::{self, VersionError};
 
-/// Who the board is. Its layout is frozen for ever, so that any host understands any board this far.
+/// The board's identity. The layout never changes, so any host can read the HELLO of any board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Hello {
     /// The board's major version of the protocol.
     pub major: u8,
     /// The board's minor version of the protocol.
     pub minor: u8,
-    /// Another number after each start of the board.
+    /// A different number after each start of the board.
     pub boot_id: u32,
     /// Nominal frequency of the board's clock in hertz: the granularity of its microseconds.
     pub tick_hz: u32,
@@ -19,11 +19,11 @@ pub struct Hello {
     pub sensors: u8,
     /// Encoder ticks per turn of a wheel.
     pub ticks_per_turn: u32,
-    /// What the board can do beyond this version; 0 today.
+    /// Capabilities beyond this version of the protocol; 0 today.
     pub capabilities: u32,
-    /// Checksum of the board's configuration: another value means another configuration.
+    /// Checksum of the board's configuration: it changes when the configuration changes.
     pub config_crc: u32,
-    /// Tells boards of one kind apart.
+    /// Distinguishes boards of one kind.
     pub uid: [u8; 8],
     /// The board's name.
     pub board: Text<16>,
@@ -32,7 +32,7 @@ pub struct Hello {
 }
 
 impl Hello {
-    /// Whether what the board sends can be understood.
+    /// Checks that this version can read the board's messages.
     ///
     /// # Errors
     /// The board speaks another major version; the message says which side to update.

@@ -1,10 +1,12 @@
-//! The message types. Those of the host have the high bit, so that a line that echoes shows.
+//! The message types. The host's types have the high bit set, so the host detects a line that
+//! echoes.
 
 macro_rules! kinds {
     ($($(#[$doc:meta])* $name:ident = $code:literal,)*) => {
         $($(#[$doc])* pub const $name: u8 = $code;)*
 
-        /// The name of a message type in the specification; `None` where this version does not know it.
+        /// The name of a message type in the specification; `None` if this version does not know
+        /// the type.
         #[must_use]
         pub const fn name(kind: u8) -> Option<&'static str> {
             match kind {
@@ -16,40 +18,40 @@ macro_rules! kinds {
 }
 
 kinds! {
-    /// Board: who I am.
+    /// Board: its identity.
     HELLO = 0x01,
     /// Board: where the sensors sit.
     GEOMETRY = 0x02,
     /// Board: the echoes of one group.
     SONAR = 0x10,
-    /// Board: the wheels.
+    /// Board: the wheel encoders.
     ENCODER = 0x11,
-    /// Board: how I fare.
+    /// Board: its health.
     STATUS = 0x12,
-    /// Board: a sensor broke or recovered.
+    /// Board: a sensor failed or recovered.
     FAULT = 0x13,
     /// Board: the answer to a TIME_REQUEST.
     TIME_RESPONSE = 0x20,
-    /// Board: what became of a command.
+    /// Board: the result of a command.
     ACK = 0x30,
     /// Board: the value of a configuration key.
     CONFIG_VALUE = 0x31,
-    /// Board: a line of text for people.
+    /// Board: a line of text for the user.
     LOG = 0x3F,
-    /// Host: who are you?
+    /// Host: asks for HELLO.
     HELLO_REQUEST = 0x81,
-    /// Host: begin to fire.
+    /// Host: starts the firing.
     START = 0x82,
-    /// Host: cease to fire.
+    /// Host: stops the firing.
     STOP = 0x83,
-    /// Host: give a configuration key a value.
+    /// Host: sets a configuration key.
     CONFIG_SET = 0x84,
-    /// Host: what is the value of a configuration key?
+    /// Host: asks for the value of a configuration key.
     CONFIG_GET = 0x85,
-    /// Host: where do the sensors sit?
+    /// Host: asks for GEOMETRY.
     GEOMETRY_REQUEST = 0x86,
-    /// Host: what time is it?
+    /// Host: asks for the board's time.
     TIME_REQUEST = 0x90,
-    /// Host: I am here and have nothing else to say.
+    /// Host: signals its presence when it has nothing else to send.
     HEARTBEAT = 0x91,
 }

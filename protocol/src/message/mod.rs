@@ -1,7 +1,7 @@
-//! Messages: what a frame's payload means.
+//! Messages: the meaning of a frame's payload.
 //!
-//! What can be constructed can be emitted, and what was emitted can be parsed: `parse` and `emit` stand side by side for
-//! each message, and the types bound all lengths.
+//! Every message that can be constructed can be emitted, and every emitted message can be parsed.
+//! `parse` and `emit` of each message stand side by side, and the types bound all lengths.
 
 mod board;
 mod error;
@@ -26,84 +26,85 @@ use wire::{Reader, Writer};
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[expect(clippy::large_enum_variant, reason = "there is no allocator to box a variant with")]
 pub enum Message {
-    /// Board: who I am.
+    /// Board: its identity.
     Hello(Hello),
     /// Board: where the sensors sit.
     Geometry(Geometry),
     /// Board: the echoes of one group.
     Sonar(Sonar),
-    /// Board: the wheels.
+    /// Board: the wheel encoders.
     Encoder(Encoder),
-    /// Board: how I fare.
+    /// Board: its health.
     Status(Status),
-    /// Board: a sensor broke or recovered.
+    /// Board: a sensor failed or recovered.
     Fault(Fault),
     /// Board: the answer to a TIME_REQUEST.
     TimeResponse {
-        /// That of the request.
+        /// The token of the request.
         token: u16,
-        /// Board time at which the request's last byte came, microseconds.
+        /// Board time at which the request's last byte arrived, microseconds.
         rx_us: u32,
         /// Board time at which this frame's first byte leaves, microseconds.
         tx_us: u32,
     },
-    /// Board: what became of a command.
+    /// Board: the result of a command.
     Ack {
         /// The command's type.
         of_type: u8,
         /// The command's frame number.
         of_seq: u8,
-        /// What became of it.
+        /// Its result.
         result: AckResult,
     },
     /// Board: the value of a configuration key.
     ConfigValue {
-        /// The key; its meaning is the board's.
+        /// The key; the board defines its meaning.
         key: u8,
         /// Its value.
         value: i32,
     },
-    /// Board: a line of text for people.
+    /// Board: a line of text for the user.
     Log(Log),
-    /// Host: who are you?
+    /// Host: asks for HELLO.
     HelloRequest {
         /// The host's major version of the protocol.
         major: u8,
         /// The host's minor version of the protocol.
         minor: u8,
     },
-    /// Host: begin to fire.
+    /// Host: starts the firing.
     Start,
-    /// Host: cease to fire.
+    /// Host: stops the firing.
     Stop,
-    /// Host: give a configuration key a value.
+    /// Host: sets a configuration key.
     ConfigSet {
-        /// The key; its meaning is the board's.
+        /// The key; the board defines its meaning.
         key: u8,
         /// Its new value.
         value: i32,
     },
-    /// Host: what is the value of a configuration key?
+    /// Host: asks for the value of a configuration key.
     ConfigGet {
-        /// The key; its meaning is the board's.
+        /// The key; the board defines its meaning.
         key: u8,
     },
-    /// Host: where do the sensors sit?
+    /// Host: asks for GEOMETRY.
     GeometryRequest,
-    /// Host: what time is it?
+    /// Host: asks for the board's time.
     TimeRequest {
         /// Any number; the response repeats it.
         token: u16,
     },
-    /// Host: I am here and have nothing else to say.
+    /// Host: signals its presence when it has nothing else to send.
     Heartbeat,
 }
 
 impl Message {
-    /// What `payload` says in a frame of type `kind`.
+    /// Parses the `payload` of a frame of type `kind`.
     ///
     /// # Errors
-    /// The type is unknown, the payload has the wrong length, or a field has a value without a meaning. Never panics.
+    /// The type is unknown, the payload has the wrong length, or a field has an invalid value.
+    /// Never panics.
     pub fn parse(kind: u8, payload: &[u8]) -> Result<Self, MessageError> {
         let fields = |message, expected| Reader::new(message, expected, payload);
         Ok(match kind {
@@ -145,7 +146,7 @@ impl Message {
         })
     }
 
-    /// Makes `payload` this message's, whatever it held.
+    /// Writes this message into `payload` and discards its former content.
     pub fn emit(&self, payload: &mut PayloadBuf) {
         payload.clear();
         let mut out = Writer(payload);

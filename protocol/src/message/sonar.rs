@@ -1,56 +1,56 @@
-//! SONAR: the echoes of one group of sensors, fired together.
+//! SONAR: the echoes of one group of sensors that fired together.
 
 use super::MessageError;
 use super::wire::{Reader, Writer};
 use arrayvec::ArrayVec;
 
-/// The most echoes in one SONAR.
+/// Maximum number of echoes in one SONAR.
 pub const MAX_ECHOES: usize = 76;
 
-/// The echoes of one group of sensors, fired together.
+/// The echoes of one group of sensors that fired together.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Sonar {
     /// Board time of the trigger in microseconds.
     pub t_us: u32,
     /// The group that fired.
     pub group: u8,
-    /// No further group fires in this cycle.
+    /// This is the last group of its cycle.
     pub last_of_cycle: bool,
     /// The left wheel's encoder at the trigger.
     pub left_ticks: i32,
     /// The right wheel's encoder at the trigger.
     pub right_ticks: i32,
-    /// One echo per sensor of the group; a sensor that never answered at all is left out.
+    /// One echo per sensor of the group, without the sensors that did not answer at all.
     pub echoes: ArrayVec<SensorEcho, MAX_ECHOES>,
 }
 
-/// What one sensor heard.
+/// The echo of one sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SensorEcho {
     /// The sensor's id.
     pub sensor: u8,
-    /// What it heard.
+    /// Its echo.
     pub echo: Echo,
 }
 
-/// What became of one ping.
+/// The result of one ping.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Echo {
-    /// The first echo came.
+    /// The first echo, within range.
     Flight {
-        /// Time of flight, there and back, in microseconds, at most [`Echo::MAX_FLIGHT_US`]: a longer one is emitted as
-        /// that. [`Echo::from_flight_us`] makes no other.
+        /// Round-trip time of flight in microseconds, at most [`Echo::MAX_FLIGHT_US`]. A longer one
+        /// is emitted as that maximum; [`Echo::from_flight_us`] never makes one.
         us: u16,
     },
-    /// Nothing answered within range.
+    /// No echo within range.
     NoEcho,
-    /// The echo pin did not fall again.
+    /// The echo pin stayed high.
     PinStuck,
     /// The echo pin was high before the trigger.
     HighAtTrigger,
     /// The sensor is switched off by configuration.
     Disabled,
-    /// The echo fell into the time in which the sensor's own ping still rings.
+    /// The echo came during the blanking time, while the sensor's own ping still rings.
     Blanked,
 }
 
@@ -58,7 +58,8 @@ impl Echo {
     /// The longest time of flight that is not a code, in microseconds (11 m one way).
     pub const MAX_FLIGHT_US: u16 = 0xFFFA;
 
-    /// A time of flight in microseconds; beyond [`Self::MAX_FLIGHT_US`] it is no echo.
+    /// The echo of a time of flight in microseconds; beyond [`Self::MAX_FLIGHT_US`] that is
+    /// [`Self::NoEcho`].
     #[must_use]
     pub fn from_flight_us(us: u32) -> Self {
         match u16::try_from(us) {

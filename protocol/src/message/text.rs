@@ -1,4 +1,4 @@
-//! Text of bounded length that may be shown: it moves no cursor and turns no line round.
+//! Text of bounded length that is safe to display: it cannot move a cursor or reverse a line.
 
 use arrayvec::ArrayString;
 use core::fmt;
@@ -15,8 +15,9 @@ impl<const N: usize> Text<N> {
         Self::from_bytes(text.as_bytes())
     }
 
-    /// As much of `bytes` as fits, in whole characters and up to the first zero, without what is not UTF-8 and without control characters:
-    /// a board's words go to terminals, logs and programs.
+    /// As much of `bytes` as fits, in whole characters and up to the first zero. Invalid UTF-8 and
+    /// control characters are removed, because a board's text is shown in terminals, logs and other
+    /// programs.
     #[must_use]
     pub fn from_bytes(bytes: &[u8]) -> Self {
         let bytes = bytes.split(|&byte| byte == 0).next().unwrap_or_default();
@@ -31,7 +32,7 @@ impl<const N: usize> Text<N> {
     }
 }
 
-/// Control characters, and those that break a line or turn it round (Unicode's bidirectional controls).
+/// Control characters, line separators and Unicode's bidirectional controls, which reverse a line.
 fn is_control(letter: char) -> bool {
     letter.is_control() || matches!(letter, '\u{200E}' | '\u{200F}' | '\u{2028}'..='\u{202E}' | '\u{2066}'..='\u{2069}')
 }

@@ -1,16 +1,17 @@
-//! Reading and writing little-endian fields.
+//! Reads and writes little-endian fields.
 
 use super::{MessageError, Text};
 use crate::frame::PayloadBuf;
 
-/// Takes a payload apart from its front. Running out of bytes is the message's length error.
+/// Reads the fields of a payload from its front. If the bytes run out, it returns the message's
+/// length error.
 pub(super) struct Reader<'a> {
     rest: &'a [u8],
     too_short: MessageError,
 }
 
 impl<'a> Reader<'a> {
-    /// A reader of the payload of `message`, whose good lengths are `expected` in words.
+    /// A reader of the payload of `message`; `expected` describes the valid lengths in words.
     pub(super) fn new(message: &'static str, expected: &'static str, payload: &'a [u8]) -> Self {
         Self { rest: payload, too_short: MessageError::Length { message, got: payload.len(), expected } }
     }
@@ -51,12 +52,12 @@ impl<'a> Reader<'a> {
         self.bytes::<N>().map(|bytes| Text::from_bytes(&bytes))
     }
 
-    /// All the bytes that are left.
+    /// All remaining bytes.
     pub(super) fn rest(self) -> &'a [u8] {
         self.rest
     }
 
-    /// All the bytes that are left, as at most `max` items of `N` bytes.
+    /// All remaining bytes, as at most `max` items of `N` bytes.
     pub(super) fn items<const N: usize>(self, max: usize) -> Result<&'a [[u8; N]], MessageError> {
         match self.rest.as_chunks() {
             (items, []) if items.len() <= max => Ok(items),
@@ -69,7 +70,10 @@ impl<'a> Reader<'a> {
 pub(super) struct Writer<'a>(pub(super) &'a mut PayloadBuf);
 
 impl Writer<'_> {
-    #[expect(clippy::expect_used, reason = "`the_fullest_messages_fit`, and nothing that was read gets here")]
+    #[expect(
+        clippy::expect_used,
+        reason = "the test `the_fullest_messages_fit` covers it, and no received bytes get here"
+    )]
     pub(super) fn bytes(&mut self, bytes: &[u8]) -> &mut Self {
         self.0.try_extend_from_slice(bytes).expect("the types bound every message to a payload's length");
         self
@@ -114,7 +118,7 @@ mod tests {
     use super::super::{Echo, Geometry, Log, MAX_ECHOES, MAX_PLACEMENTS, Message, Placement, SensorEcho, Sonar, Text};
     use crate::frame::{MAX_PAYLOAD, PayloadBuf};
 
-    /// All other messages are shorter than HELLO's 63 bytes, or are that.
+    /// All other messages have at most the 63 bytes of HELLO.
     #[test]
     fn the_fullest_messages_fit() {
         let echoes = [SensorEcho { sensor: 0, echo: Echo::NoEcho }; MAX_ECHOES].into();

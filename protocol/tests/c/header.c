@@ -1,4 +1,4 @@
-/* Reads one frame per line in hexadecimal; says what the C header makes of it. */
+/* Reads one frame per line in hexadecimal and prints how the C header parses it. */
 #include "slamd_protocol.h"
 #include <stdio.h>
 
@@ -7,7 +7,7 @@ static uint8_t u8(void) { return *at++; }
 static uint16_t u16(void) { uint16_t low = u8(); return (uint16_t)(low | u8() << 8); }
 static uint32_t u32(void) { uint32_t low = u16(); return low | (uint32_t)u16() << 16; }
 
-/* The message once more through its own encoder. */
+/* Encodes the board's message again with the header's encoder. */
 static bool again(const struct slamd_decoder *d, struct slamd_writer *w) {
     uint8_t kind = d->content[0], seq = d->content[1];
     const uint8_t *end = d->content + d->len - 4;
@@ -93,7 +93,7 @@ static bool again(const struct slamd_decoder *d, struct slamd_writer *w) {
     }
 }
 
-/* A host's message from what was read of it. */
+/* Encodes the host's message again from its parsed fields. */
 static bool asked(const struct slamd_decoder *d, struct slamd_writer *w) {
     struct slamd_request r;
     if (!slamd_parse(d, &r)) return false;

@@ -1,4 +1,5 @@
-/* The ring on a board of paper: a script on stdin moves its clock, sensors and wheels; what it sends goes to stdout. */
+/* The ring on a simulated board: a script on stdin sets its clock, sensors and wheels; the bytes
+ * that it sends go to stdout. */
 #include "slamd_port.h"
 #include "slamd_ring.h"
 #include <stdio.h>
@@ -76,7 +77,7 @@ int main(void) {
             while (a-- && scanf("%2x", &byte) == 1) heard[heard_in++ % sizeof heard] = (uint8_t)byte;
         } else if (!strcmp(word, "sensor") && scanf("%ld", &b) == 1) {
             mode[a & 31] = b;
-        } else if (!strcmp(word, "turn") && scanf("%ld", &b) == 1) { /* wheel a by b edges */
+        } else if (!strcmp(word, "turn") && scanf("%ld", &b) == 1) { /* turns wheel a by b edges */
             static const uint8_t forward[4] = {1, 3, 0, 2}, back[4] = {2, 0, 3, 1};
             for (; b; b += b > 0 ? -1 : 1) {
                 uint8_t next = b > 0 ? forward[pins[a & 1]] : back[pins[a & 1]];

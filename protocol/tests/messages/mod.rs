@@ -37,7 +37,7 @@ pub(crate) fn message() -> impl Strategy<Value = Message> {
     ]
 }
 
-/// The `number`th message of a plausible stream: mostly SONAR, its content from `byte`.
+/// The `number`th message of a plausible stream: mostly SONAR, with content from `byte`.
 pub(crate) fn message_of(number: u64, byte: &mut impl FnMut() -> u8) -> Message {
     let mut u16 = || u16::from_le_bytes([byte(), byte()]);
     let t_us = u32::from(u16()) << 16 | u32::from(u16());

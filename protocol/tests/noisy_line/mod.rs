@@ -1,4 +1,5 @@
-//! Real messages through a line that changes, loses and adds bytes: no frame may be accepted that was not sent, and none out of order.
+//! Sends real messages through a line that changes, loses and adds bytes. The decoder must accept
+//! only frames that were sent, in their order.
 
 #![allow(dead_code, unreachable_pub, reason = "each test uses its part")]
 
@@ -6,16 +7,16 @@ use crate::messages::message_of;
 use slamd_protocol::{FrameDecoder, FrameEncoder, Message};
 use std::collections::VecDeque;
 
-/// What the line does to a byte, in events per million bytes.
+/// The line's errors, in events per million bytes.
 #[derive(Clone, Copy, Debug)]
 pub struct Line {
-    /// Its value changes.
+    /// A byte changes its value.
     pub errors_per_million: u64,
-    /// It is lost, or another one is added.
+    /// A byte is lost or added.
     pub slips_per_million: u64,
 }
 
-/// What came of it.
+/// The result.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Outcome {
     pub bytes: u64,
@@ -55,7 +56,7 @@ impl Random {
         self.next() % 1_000_000 < per_million
     }
 
-    /// What arrives of one byte.
+    /// The bytes that arrive for one byte sent.
     fn suffer(&mut self, line: Line, byte: u8) -> [Option<u8>; 2] {
         if self.is_hit(line.slips_per_million) {
             return if self.next().is_multiple_of(2) { [None, None] } else { [Some(self.byte()), Some(byte)] };
@@ -68,7 +69,7 @@ impl Random {
     }
 }
 
-/// Sends `bytes` bytes of frames from a fresh sender to a fresh receiver.
+/// Sends `bytes` bytes of frames from a new sender to a new receiver.
 pub fn send(line: Line, seed: u64, bytes: u64) -> Outcome {
     let mut random = Random(seed);
     let (mut encoder, mut decoder) = (FrameEncoder::new(), FrameDecoder::new());
@@ -103,7 +104,8 @@ pub fn send(line: Line, seed: u64, bytes: u64) -> Outcome {
     outcome
 }
 
-/// The same on all cores, in parts of a million bytes with seeds of their own; `done` hears of each part.
+/// The same on all cores, in parts of a million bytes with separate seeds; calls `done` after each
+/// part.
 pub fn send_in_parallel(line: Line, bytes: u64, done: impl Fn(u64) + Sync) -> Outcome {
     const PART: u64 = 1_000_000;
     let next = std::sync::atomic::AtomicU64::new(0);
