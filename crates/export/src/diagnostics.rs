@@ -2,7 +2,7 @@
 //! encoders, one for the localization.
 
 use super::message::{Stamp, sonar, with_header};
-use slamd_core::event::{EncoderState, Event, LockChange, SensorState, Wheel};
+use slamd_core::event::{EncoderState, Event, LocalizationChange, SensorState, Wheel};
 use slamd_core::time::Timestamp;
 use std::time::Duration;
 
@@ -78,7 +78,7 @@ impl Diagnostics {
                     }
                 };
                 if let Some(slot) = self.sensors.get_mut(fault.sensor) {
-                    **slot = status;
+                    *slot = status;
                 }
             }
             Event::Encoder(encoder) => {
@@ -91,28 +91,29 @@ impl Diagnostics {
                 let status = Status::new(level, encoder.state.word(), encoder.reason.as_str(), Some(encoder.at));
                 self.encoders[usize::from(encoder.wheel == Wheel::Right)] = status;
             }
-            Event::Lock(lock) => {
-                self.localization = match lock.change {
-                    LockChange::Lost => Status::new(
+            Event::Localization(event) => {
+                self.localization = match &event.change {
+                    LocalizationChange::Lost => Status::new(
                         Level::Error,
                         "lost",
                         "position lost: what is heard contradicts the map",
-                        Some(lock.since),
+                        Some(event.since),
                     ),
-                    LockChange::Regained { .. } => {
-                        Status::new(Level::Ok, "known", "position found again", Some(lock.at))
+                    LocalizationChange::Regained { .. } => {
+                        Status::new(Level::Ok, "known", "position found again", Some(event.at))
                     }
-                    LockChange::Abandoned => Status::new(
+                    LocalizationChange::Abandoned => Status::new(
                         Level::Warn,
                         "doubtful",
                         "position not found: no other place explains what is heard",
-                        Some(lock.at),
+                        Some(event.at),
                     ),
+                    LocalizationChange::KnownMap(search) => {
+                        let (level, state) =
+                            if event.is_lost() { (Level::Error, "unknown") } else { (Level::Ok, "known") };
+                        Status::new(level, state, search.reason.as_str(), Some(event.at))
+                    }
                 };
-            }
-            Event::Position(position) => {
-                let (level, state) = if position.is_known { (Level::Ok, "known") } else { (Level::Error, "unknown") };
-                self.localization = Status::new(level, state, position.reason.as_str(), Some(position.at));
             }
             Event::Estimate(estimate) if self.localization.state == "unknown" => {
                 self.localization = Status::new(Level::Ok, "known", "position known", Some(estimate.at));

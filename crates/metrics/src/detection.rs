@@ -15,9 +15,6 @@ use slamd_core::event::{FaultKind, SensorState};
 use slamd_core::time::Timestamp;
 use std::time::Duration;
 
-/// The kinds of fault, in the order of every table.
-pub const KINDS: [FaultKind; 4] = [FaultKind::Saturated, FaultKind::Missing, FaultKind::Noisy, FaultKind::Stuck];
-
 /// Sums of one kind.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct KindSums {
@@ -38,7 +35,7 @@ pub struct KindSums {
 /// Sums over all kinds and runs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Detection {
-    /// By kind, in the order of [`KINDS`].
+    /// By kind, in the order of [`FaultKind::ALL`].
     pub kinds: [KindSums; 4],
     /// Declarations of healthy sensors.
     pub false_alarms: usize,
@@ -216,8 +213,8 @@ mod tests {
     }
 
     #[test]
-    fn the_index_of_a_kind_is_its_position_in_the_table() {
-        assert_eq!(KINDS.map(kind_index), [0, 1, 2, 3]);
+    fn the_index_of_a_kind_is_its_position_in_the_list() {
+        assert_eq!(FaultKind::ALL.map(kind_index), [0, 1, 2, 3]);
     }
 
     #[test]

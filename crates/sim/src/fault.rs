@@ -1,46 +1,16 @@
 //! Faults of sensors: which sensor, which kind and when.
+//!
+//! How each kind is simulated:
+//!
+//! - saturated: the sensor always reports "no echo";
+//! - missing: the sensor is in no message;
+//! - noisy: each reading has a random error of 20 to 80 cm;
+//! - stuck: the sensor repeats its last distance before the fault, or the first one after it if there is none.
 
 use super::random::Random;
 use super::sonar::{MAX_RANGE_M, MIN_RANGE_M};
+use slamd_core::event::FaultKind;
 use std::str::FromStr;
-
-/// The kind of a sensor fault.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FaultKind {
-    /// The sensor always reports "no echo".
-    Saturated,
-    /// The sensor is absent from every message.
-    Missing,
-    /// Each reading has a random error of 20 to 80 cm.
-    Noisy,
-    /// The sensor repeats its last distance before the fault, or its first one after it if there
-    /// was none.
-    Stuck,
-}
-
-impl FaultKind {
-    /// The word used on the command line and in files.
-    #[must_use]
-    pub const fn word(self) -> &'static str {
-        match self {
-            Self::Saturated => "saturated",
-            Self::Missing => "missing",
-            Self::Noisy => "noisy",
-            Self::Stuck => "stuck",
-        }
-    }
-}
-
-impl FromStr for FaultKind {
-    type Err = String;
-
-    fn from_str(word: &str) -> Result<Self, String> {
-        [Self::Saturated, Self::Missing, Self::Noisy, Self::Stuck]
-            .into_iter()
-            .find(|kind| kind.word() == word)
-            .ok_or_else(|| format!("unknown fault kind \"{word}\": it is saturated, missing, noisy or stuck"))
-    }
-}
 
 /// One fault of one sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -140,9 +110,7 @@ impl FaultMix {
             }
             Self::Late => {
                 let each = usize::from(sensors / 16).max(1);
-                [FaultKind::Saturated, FaultKind::Missing, FaultKind::Noisy, FaultKind::Stuck]
-                    .map(|kind| vec![kind; each])
-                    .concat()
+                FaultKind::ALL.map(|kind| vec![kind; each]).concat()
             }
         };
         let from_s = if self == Self::Late { LATE_S } else { 0.0 };

@@ -85,7 +85,7 @@ impl World {
         for wall in &parsed.walls {
             let (from, to) = (reader.point("wall.from", &wall.from)?, reader.point("wall.to", &wall.to)?);
             if (to - from).norm() < 1e-3 {
-                return Err(reader.value_error("wall.to", &wall.to, "is the same place as from"));
+                return Err(reader.value_error("wall.to", &wall.to, "is the same point as from"));
             }
             segments.push(Segment { from, to });
         }
@@ -155,7 +155,7 @@ mod tests {
     fn a_bad_value_names_file_line_and_key() {
         let text = "start = [1, 1, 20]\n[[wall]]\nfrom = [0, 0]\nto = [0, 0]\n";
         let error = World::from_toml("room.toml", text).unwrap_err().to_string();
-        assert_eq!(error, "room.toml: line 4: wall.to is the same place as from");
+        assert_eq!(error, "room.toml: line 4: wall.to is the same point as from");
         let text = "start = [1, 1, 20]\n[[box]]\ncenter = [0, nan]\nsize = [1, 1]\n";
         let error = World::from_toml("room.toml", text).unwrap_err().to_string();
         assert_eq!(error, "room.toml: line 3: box.center must lie within 100 m of the origin");
