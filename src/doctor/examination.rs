@@ -240,7 +240,7 @@ fn noisy(states: &[SensorState]) -> impl Iterator<Item = Finding> {
     let is_noisy = |state: &SensorState| *state == SensorState::Faulty(FaultKind::Noisy);
     states.iter().enumerate().filter(move |(_, state)| is_noisy(state)).map(|(sensor, _)| {
         let text = format!("sensor {sensor} is noisy: its readings scatter against what the others see");
-        let fix = format!("tighten sensor {sensor}'s plug, give it a capacitor of 10 uF at its supply, or replace it");
+        let fix = format!("tighten sensor {sensor}'s plug, give it a capacitor of 100 uF at its supply, or replace it");
         Finding::new(Level::Warning, "sensor.noisy", text, fix)
     })
 }
