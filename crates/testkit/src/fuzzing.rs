@@ -58,7 +58,7 @@ const DRIVE_S: f64 = 45.0;
 const FILE_RECORDS: usize = 60;
 
 impl Corpus {
-    pub fn new() -> Self {
+    pub fn build() -> Self {
         let simulation = Simulation::new(SimConfig {
             world: World::named("flat").expect("built in"),
             seed: 7,

@@ -1,4 +1,4 @@
-//! A few of the drives of `benches/sensor_faults.rs`: broken sensors cost little, broken encoders are named, and no certain pose is wrong.
+//! A few of the drives of `cargo xtask sensor-faults`: broken sensors cost little, broken encoders are named, and no certain pose is wrong.
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
