@@ -1,7 +1,7 @@
 //! The map, small: walls as dots, known floor as faint points, the robot as an arrow.
 
 use crate::monitor::canvas::{Canvas, Pen};
-use crate::monitor::snapshot::Snapshot;
+use crate::monitor::dashboard::Dashboard;
 use crate::monitor::view::{Look, View};
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
@@ -21,9 +21,9 @@ const STEP: f64 = 1.189_207_115_002_721;
 const ZOOM: f64 = std::f64::consts::SQRT_2;
 
 /// The part of the map that is shown: its middle, and the size of a dot in metres.
-pub(super) fn window(area: Rect, snapshot: &Snapshot, view: View) -> (Point, f64) {
-    let robot = snapshot.estimate.map(|estimate| estimate.pose.position()).unwrap_or_default();
-    let (low, high) = snapshot.plan.known.unwrap_or((robot, robot));
+pub(super) fn window(area: Rect, dashboard: &Dashboard, view: View) -> (Point, f64) {
+    let robot = dashboard.session.estimate.map(|estimate| estimate.pose.position()).unwrap_or_default();
+    let (low, high) = dashboard.plan.known.unwrap_or((robot, robot));
     let (width_m, height_m) = ((high.x - low.x).max(FIRST_M), (high.y - low.y).max(FIRST_M));
     let steps = libm::ceil(libm::log(Canvas::fitting(area, width_m, height_m)) / libm::log(STEP));
     let dot_m = libm::pow(STEP, steps) * libm::pow(ZOOM, -f64::from(view.zoom));
@@ -33,11 +33,11 @@ pub(super) fn window(area: Rect, snapshot: &Snapshot, view: View) -> (Point, f64
 }
 
 /// The map about its middle or about the robot.
-pub(super) fn draw(area: Rect, buffer: &mut Buffer, snapshot: &Snapshot, view: View, look: Look) {
-    let (centre, dot_m) = window(area, snapshot, view);
+pub(super) fn draw(area: Rect, buffer: &mut Buffer, dashboard: &Dashboard, view: View, look: Look) {
+    let (centre, dot_m) = window(area, dashboard, view);
     let wall = Pen { ascii: '#', style: look.ink(Color::White).remove_modifier(Modifier::DIM) };
     let mut canvas = Canvas::new(buffer, area, look.unicode, centre, dot_m);
-    let raster = &snapshot.plan.raster;
+    let raster = &dashboard.plan.raster;
     let mut floor = Vec::new();
     for (dot, point) in canvas.dots() {
         match highest(raster, point, dot_m) {
@@ -47,7 +47,7 @@ pub(super) fn draw(area: Rect, buffer: &mut Buffer, snapshot: &Snapshot, view: V
         }
     }
     speckle(area, buffer, &floor, look);
-    if let Some(estimate) = &snapshot.estimate {
+    if let Some(estimate) = &dashboard.session.estimate {
         let style = look.ink(Color::Cyan).add_modifier(Modifier::BOLD);
         Canvas::new(buffer, area, look.unicode, centre, dot_m).label(
             estimate.pose.position(),
@@ -108,7 +108,7 @@ fn arrow(pose: Pose2, look: Look) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::monitor::snapshot::Plan;
+    use crate::monitor::dashboard::Plan;
     use std::sync::Arc;
 
     fn plan() -> Raster {
@@ -131,12 +131,12 @@ mod tests {
 
     #[test]
     fn the_known_part_is_shown_whole_until_it_is_zoomed() {
-        let snapshot = Snapshot { plan: Arc::new(Plan::new(plan())), ..Snapshot::default() };
+        let dashboard = Dashboard { plan: Arc::new(Plan::new(plan())), ..Dashboard::default() };
         let area = Rect::new(0, 0, 30, 10);
-        let (centre, dot_m) = window(area, &snapshot, View::default());
+        let (centre, dot_m) = window(area, &dashboard, View::default());
         assert!(60.0 * dot_m >= 10.0 && 60.0 * dot_m < 10.0 * STEP * STEP, "{dot_m}");
         assert!(centre.x.abs() <= dot_m && (centre.y - 0.05).abs() <= dot_m);
-        let (_, nearer) = window(area, &snapshot, View { zoom: 2, ..View::default() });
+        let (_, nearer) = window(area, &dashboard, View { zoom: 2, ..View::default() });
         assert!((dot_m / nearer - 2.0).abs() < 1e-9);
     }
 }

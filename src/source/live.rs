@@ -97,10 +97,10 @@ impl<'a> LiveSession<'a> {
     pub fn reopened(&mut self, port: String, now: Timestamp) -> Chunk {
         let at = self.session.run_until(now);
         self.session.take_transmit();
-        self.session.received(at, &[]);
+        self.session.opened(at);
         self.port = port;
         self.link.opened(at, &self.port, &self.session.reception());
-        Chunk::Received(at, Bytes::new())
+        Chunk::Opened(at)
     }
 
     /// The port's name.

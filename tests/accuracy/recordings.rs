@@ -6,9 +6,10 @@
 #![expect(clippy::unwrap_used, reason = "a test")]
 
 use slamd::inspect::inspect;
-use slamd_capture::{CaptureReader, Record};
+use slamd_capture::CaptureReader;
 use slamd_core::config::Config;
-use slamd_core::event::{Event, Input, Output};
+use slamd_core::driver::{Driver, Update};
+use slamd_core::event::Event;
 use slamd_core::geometry::{Pose2, wrap_angle};
 use slamd_eval::import::{ImportError, Summary, carmen, ring};
 use std::io::{BufRead, BufReader, Read};
@@ -37,21 +38,17 @@ struct Run {
 }
 
 fn run(capture: &Path, config: &Config) -> Run {
-    let mut pipeline = slamd_paper::pipeline(config, slamd_core::pipeline::Start::Fresh).unwrap();
+    let mut driver = Driver::new(slamd_paper::pipeline(config, slamd_core::pipeline::Start::Fresh).unwrap());
     let (mut poses, mut odometry) = (Vec::new(), Vec::new());
     for record in CaptureReader::open(capture).unwrap() {
-        match record.unwrap() {
-            Record::Received { at, bytes } => pipeline.handle(Input::Received { at, bytes: &bytes }),
-            Record::Sent { at, bytes } => pipeline.handle(Input::Sent { at, bytes: &bytes }),
-            Record::Truth { .. } => {}
-        }
-        while let Some(output) = pipeline.poll_output() {
-            if let Output::Event(Event::Estimate(estimate)) = output {
+        driver.feed(&record.unwrap(), |_, update| {
+            if let Update::Event(Event::Estimate(estimate)) = update {
                 poses.push(estimate.pose);
                 odometry.push(estimate.odometry);
             }
-        }
+        });
     }
+    let pipeline = driver.pipeline();
     let counters = pipeline.counters();
     assert_eq!((counters.crc_errors, counters.lost_frames, counters.refused), (0, 0, 0));
     Run { poses, odometry, sweeps: counters.sweeps, states: pipeline.states().len() }

@@ -6,7 +6,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
 use serde_json::Value;
-use slamd_capture::{CaptureInfo, CaptureReader, CaptureWriter, Record};
+use slamd_capture::{CaptureInfo, CaptureReader, CaptureWriter};
 use slamd_core::geometry::Pose2;
 use slamd_testkit::python;
 use std::collections::BTreeMap;
@@ -35,11 +35,7 @@ fn cut(to: &Path) {
     let info = CaptureInfo { unix_zero_us: Some(BEGAN_US), ..capture.info().clone() };
     let mut writer = CaptureWriter::create(to, &info).unwrap();
     for record in capture.by_ref().map(Result::unwrap).take_while(|record| record.at().us() < LENGTH_US) {
-        match record {
-            Record::Received { at, bytes } => writer.received(at, &bytes).unwrap(),
-            Record::Sent { at, bytes } => writer.sent(at, &bytes).unwrap(),
-            Record::Truth { at, pose } => writer.truth(at, pose).unwrap(),
-        }
+        writer.record(&record).unwrap();
     }
     writer.finish().unwrap();
 }

@@ -7,10 +7,11 @@ use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use ratatui::buffer::Buffer;
 use ratatui::style::Color;
-use slamd::monitor::{Beam, BeamState, Line, Look, Plan, Rates, Snapshot, Tone, View, draw};
+use slamd::monitor::{Dashboard, Line, Look, Plan, Rates, Tone, View, draw};
 use slamd_core::event::{Calibration, Counters, EncoderState, Estimate, FaultEvent, FaultKind, SensorState};
 use slamd_core::geometry::{Point, Pose2, Ring};
 use slamd_core::mapping::raster::Raster;
+use slamd_core::snapshot::Snapshot;
 use slamd_core::time::Timestamp;
 use std::sync::Arc;
 
@@ -20,7 +21,7 @@ const SMALL: (u16, u16) = (80, 24);
 const LARGE: (u16, u16) = (120, 40);
 
 /// A room of 6 x 4 m, the robot in its middle, 16 sensors of which 3 is faulty and 9 silent.
-fn snapshot() -> Snapshot {
+fn dashboard() -> Dashboard {
     let (width, height) = (64, 44);
     let mut occupancy = vec![Raster::UNKNOWN; width * height];
     for row in 1..43 {
@@ -31,30 +32,28 @@ fn snapshot() -> Snapshot {
     }
     let raster = Raster { width, height, cell_m: 0.1, origin: Point::new(-3.2, -2.2), occupancy };
     let ring = Ring::circle(16, 0.12, 0.2, 4);
-    let beams = ring.mountings.iter().enumerate().map(|(sensor, mounting)| {
-        let (state, range_m) = match sensor {
-            3 => (BeamState::Faulty, 2.0),
-            9 => (BeamState::Silent, f64::NAN),
-            5 => (BeamState::Healthy, f64::INFINITY),
-            _ => (BeamState::Healthy, 2.0),
-        };
-        Beam { robot_from_sensor: mounting.robot_from_sensor, range_m, state }
-    });
-    Snapshot {
+    let range_m = |sensor| match sensor {
+        9 => f64::NAN,
+        5 => f64::INFINITY,
+        _ => 2.0,
+    };
+    let stuck = SensorState::Faulty(FaultKind::Stuck);
+    let mut states = vec![SensorState::Healthy; ring.len()];
+    states[3] = stuck;
+    let change = FaultEvent {
+        at: Timestamp::from_us(5_000_000),
+        sensor: 3,
+        state: stuck,
+        reason: "sensor 3 always reads 2.00 m".into(),
+    };
+    let session = Snapshot {
         robot: "r2".into(),
         at: Timestamp::from_us(3_723_000_000),
-        line: Line { word: "streaming", cause: "/dev/ttyUSB0 at 115200 baud".into(), tone: Tone::Good },
         counters: Counters { sweeps: 1234, frames: 9876, crc_errors: 17, ..Counters::default() },
-        rates: Rates { sweeps: 9.9, frames: 91.2, crc_errors: 0.5, ..Rates::default() },
-        beams: beams.collect(),
-        max_range_m: 4.0,
-        faults: vec![FaultEvent {
-            at: Timestamp::from_us(5_000_000),
-            sensor: 3,
-            state: SensorState::Faulty(FaultKind::Stuck),
-            reason: "sensor 3 always reads 2.00 m".into(),
-        }],
-        encoders: [EncoderState::Healthy; 2],
+        ranges_m: (0..ring.len()).map(range_m).collect(),
+        ring,
+        states,
+        changes: vec![None, None, None, Some(change)],
         estimate: Some(Estimate {
             at: Timestamp::default(),
             sweep: 1234,
@@ -69,14 +68,21 @@ fn snapshot() -> Snapshot {
             wheel_base_m: 0.2345,
             wheel_base_sigma_m: 0.0012,
         }),
+        ..Snapshot::default()
+    };
+    Dashboard {
+        session,
+        line: Line { word: "streaming", cause: "/dev/ttyUSB0 at 115200 baud".into(), tone: Tone::Good },
+        rates: Rates { sweeps: 9.9, frames: 91.2, crc_errors: 0.5, ..Rates::default() },
+        max_range_m: 4.0,
         plan: Arc::new(Plan::new(raster)),
     }
 }
 
-fn screen(size: (u16, u16), snapshot: &Snapshot, view: View, look: Look) -> Buffer {
+fn screen(size: (u16, u16), dashboard: &Dashboard, view: View, look: Look) -> Buffer {
     let mut terminal = Terminal::new(TestBackend::new(size.0, size.1)).unwrap();
     let log = ["0.1  INFO ring of 16 sensors".into(), "5.0  WARN the newest line".into()];
-    terminal.draw(|frame| draw(frame.area(), frame.buffer_mut(), snapshot, &log, view, look)).unwrap();
+    terminal.draw(|frame| draw(frame.area(), frame.buffer_mut(), dashboard, &log, view, look)).unwrap();
     terminal.backend().buffer().clone()
 }
 
@@ -94,7 +100,7 @@ fn places(buffer: &Buffer, symbol: &str) -> Vec<(u16, u16)> {
 #[test]
 fn everything_is_told_at_both_sizes() {
     for size in [SMALL, LARGE] {
-        let shown = text(&screen(size, &snapshot(), View::default(), FULL));
+        let shown = text(&screen(size, &dashboard(), View::default(), FULL));
         for words in [
             "slamd monitor  r2  1:02:03",
             "streaming",
@@ -120,7 +126,7 @@ fn everything_is_told_at_both_sizes() {
 
 #[test]
 fn rays_have_the_colour_of_their_sensor() {
-    let buffer = screen(LARGE, &snapshot(), View::default(), FULL);
+    let buffer = screen(LARGE, &dashboard(), View::default(), FULL);
     let rays = |colour| {
         let is_ray = |symbol: &str| symbol.chars().all(|c| ('\u{2801}'..='\u{28ff}').contains(&c));
         buffer.content().iter().filter(|cell| is_ray(cell.symbol()) && cell.fg == colour).count()
@@ -133,9 +139,9 @@ fn rays_have_the_colour_of_their_sensor() {
 #[test]
 fn a_longer_range_is_a_longer_ray() {
     let marks = |range_m: f64| {
-        let mut snapshot = snapshot();
-        snapshot.beams.iter_mut().for_each(|beam| beam.range_m = range_m);
-        places(&screen(LARGE, &snapshot, View::default(), PLAIN), "*").len()
+        let mut dashboard = dashboard();
+        dashboard.session.ranges_m.fill(range_m);
+        places(&screen(LARGE, &dashboard, View::default(), PLAIN), "*").len()
     };
     assert!(marks(3.0) > marks(1.5) && marks(1.5) > marks(0.3), "{} {} {}", marks(3.0), marks(1.5), marks(0.3));
 }
@@ -143,7 +149,7 @@ fn a_longer_range_is_a_longer_ray() {
 #[test]
 fn the_map_has_its_walls_about_the_robot() {
     for (look, arrow) in [(FULL, "↑"), (PLAIN, "^")] {
-        let buffer = screen(SMALL, &snapshot(), View::default(), look);
+        let buffer = screen(SMALL, &dashboard(), View::default(), look);
         // The ring has an arrow of its own; the map is at the right.
         let robot = *places(&buffer, arrow).iter().max().unwrap();
         let is_wall = |x: u16, y: u16| {
@@ -167,7 +173,7 @@ fn the_map_can_be_zoomed_and_follows_the_robot() {
     let view = |keys: &str| {
         let mut view = View::default();
         keys.chars().for_each(|key| assert!(view.key(key)));
-        text(&screen(SMALL, &snapshot(), view, PLAIN))
+        text(&screen(SMALL, &dashboard(), view, PLAIN))
     };
     let walls = |shown: &str| shown.matches('#').count();
     assert!(walls(&view("++++")) < walls(&view("")), "walls are out of sight\n{}", view("++++"));
@@ -179,25 +185,26 @@ fn the_map_can_be_zoomed_and_follows_the_robot() {
 
 #[test]
 fn without_unicode_there_is_only_ascii() {
-    let mut snapshot = snapshot();
-    snapshot.robot = "Käfer".into();
-    let shown = text(&screen(SMALL, &snapshot, View::default(), PLAIN));
+    let mut dashboard = dashboard();
+    dashboard.session.robot = "Käfer".into();
+    let shown = text(&screen(SMALL, &dashboard, View::default(), PLAIN));
     assert!(shown.is_ascii(), "{shown}");
     assert!(shown.contains("K?fer") && shown.contains("1.250 +- 0.020 m"), "{shown}");
 }
 
 #[test]
 fn a_broken_encoder_is_told_where_the_wheels_are() {
-    let shown = text(&screen(SMALL, &snapshot(), View::default(), FULL));
+    let shown = text(&screen(SMALL, &dashboard(), View::default(), FULL));
     assert!(shown.contains("wheels, right to left") && !shown.contains("encoder"), "{shown}");
-    let snapshot = Snapshot { encoders: [EncoderState::Healthy, EncoderState::Reversed], ..snapshot() };
-    let shown = text(&screen(SMALL, &snapshot, View::default(), FULL));
+    let mut dashboard = dashboard();
+    dashboard.session.encoders = [EncoderState::Healthy, EncoderState::Reversed];
+    let shown = text(&screen(SMALL, &dashboard, View::default(), FULL));
     assert!(shown.contains("right encoder reversed"), "{shown}");
 }
 
 #[test]
 fn without_colour_states_still_differ() {
-    let buffer = screen(SMALL, &snapshot(), View::default(), Look { unicode: true, colour: false });
+    let buffer = screen(SMALL, &dashboard(), View::default(), Look { unicode: true, colour: false });
     assert!(buffer.content().iter().all(|cell| cell.fg == Color::Reset && cell.bg == Color::Reset));
     let ring: String = text(&buffer).lines().take(16).map(|line| line.chars().take(24).collect::<String>()).collect();
     assert!(ring.contains('3') && ring.contains('?'), "{}", text(&buffer));
@@ -205,12 +212,12 @@ fn without_colour_states_still_differ() {
 
 #[test]
 fn a_small_terminal_is_told_what_it_needs() {
-    let shown = text(&screen((60, 20), &snapshot(), View::default(), FULL));
+    let shown = text(&screen((60, 20), &dashboard(), View::default(), FULL));
     assert!(shown.contains("60 columns and 20 rows") && shown.contains("80 and 24"), "{shown}");
 }
 
 #[test]
 fn nothing_is_known_at_first() {
-    let shown = text(&screen(SMALL, &Snapshot::default(), View::default(), FULL));
+    let shown = text(&screen(SMALL, &Dashboard::default(), View::default(), FULL));
     assert!(shown.contains("no ring is known yet") && shown.contains("not known yet"), "{shown}");
 }

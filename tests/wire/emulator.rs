@@ -45,11 +45,7 @@ fn direct(seed: u64) -> Accuracy {
     )
     .unwrap();
     for record in session(mock_port::simulation(seed, LinkFaults::default(), DRIVE_S as f64)) {
-        match record {
-            Record::Received { at, bytes } => daemon.received(at, &bytes),
-            Record::Sent { at, bytes } => daemon.sent(at, &bytes),
-            Record::Truth { at, pose } => daemon.truth(at, pose).unwrap(),
-        }
+        daemon.feed(&record).unwrap();
         daemon.take_transmit();
     }
     daemon.finish().unwrap().0.accuracy.unwrap()

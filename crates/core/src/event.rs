@@ -7,7 +7,7 @@ use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 
-/// One input. Times never run back.
+/// One input. Times never decrease.
 #[derive(Clone, Copy, Debug)]
 pub enum Input<'a> {
     /// Bytes read from the board, in any chunks.
@@ -24,49 +24,49 @@ pub enum Input<'a> {
         /// The chunk, exactly as written.
         bytes: &'a [u8],
     },
-    /// The port has been opened again: what follows comes over a new connection, perhaps from a board that has restarted.
+    /// The port was opened again: later bytes come over a new connection, perhaps from a restarted board.
     Opened {
-        /// When it was.
+        /// When it was opened.
         at: Timestamp,
     },
-    /// The deadline named by `Pipeline::next_deadline` has come.
+    /// The deadline of `Pipeline::next_deadline` has passed.
     Tick {
         /// That deadline.
         at: Timestamp,
     },
-    /// Nothing more will come: what waits is used.
+    /// No more input follows: the pipeline uses what it holds back.
     End,
 }
 
 /// One output.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Output {
-    /// A frame for the board. Whoever writes it hands it back as [`Input::Sent`].
+    /// A frame for the board. After writing it, pass it back as [`Input::Sent`].
     Transmit(Bytes),
-    /// Something that happened.
+    /// An event.
     Event(Event),
 }
 
-/// Something that happened, in the order it happened.
+/// An event. The pipeline emits events in the order in which they happen.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Event {
-    /// The board said who it is.
+    /// The board identified itself.
     Board {
-        /// When it was heard.
+        /// When its message arrived.
         at: Timestamp,
-        /// Name, firmware and protocol version in words.
+        /// Name, firmware and protocol version, for people.
         description: String,
-        /// False where the board speaks another major version: nothing it sends is used.
+        /// False if the board speaks another major version: its messages are not used.
         compatible: bool,
     },
-    /// The ring's geometry is known; sweeps can begin.
+    /// The ring's geometry is known; sweeps can start.
     Ring {
         /// When it became known.
         at: Timestamp,
         /// The number of sensors n.
         sensors: usize,
     },
-    /// A sweep has been used: the robot's new pose.
+    /// The robot's new pose, from one sweep.
     Estimate(Estimate),
     /// A sensor changed its state.
     Fault(FaultEvent),
@@ -76,21 +76,21 @@ pub enum Event {
     Localization(LocalizationEvent),
     /// A line of text from the board, control characters removed.
     BoardLog {
-        /// When it was heard.
+        /// When it arrived.
         at: Timestamp,
         /// The text.
         text: String,
     },
-    /// The board restarted: its counters began anew.
+    /// The board restarted: its counters start again.
     BoardReset {
         /// When it was noticed.
         at: Timestamp,
     },
-    /// The board says of itself what cannot be, or does not take a setting.
+    /// The board reports impossible values, or does not accept a setting.
     BoardTrouble {
-        /// When it was heard.
+        /// When its message arrived.
         at: Timestamp,
-        /// What, and what to do about it.
+        /// The problem, and what to do.
         text: String,
     },
 }
@@ -108,8 +108,8 @@ pub struct Estimate {
     pub covariance: Matrix3<f64>,
     /// `odom_from_robot`: the encoders alone.
     pub odometry: Pose2,
-    /// Normalised innovation squared of this sweep, mean over its measurements: 1 where the filter knows its errors. NaN where nothing
-    /// was measured, or the method has none.
+    /// Normalised innovation squared of this sweep, mean over its measurements; 1 if the filter knows its errors. NaN without a
+    /// measurement, or if the method has none.
     pub nis: f64,
 }
 
@@ -178,26 +178,26 @@ pub enum SearchState {
     StillUnknown,
 }
 
-/// What a sensor's readings are worth.
+/// Whether a sensor's readings are used.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SensorState {
-    /// Its readings are used.
+    /// Readings are used.
     #[default]
     Healthy,
-    /// Its readings are ignored.
+    /// Readings are ignored.
     Faulty(FaultKind),
 }
 
-/// In which way a sensor is broken.
+/// Kind of sensor fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum FaultKind {
-    /// It always hears nothing within range.
+    /// Always reports no echo within range.
     Saturated,
-    /// It never measures.
+    /// Never measures.
     Missing,
-    /// Its readings scatter.
+    /// Readings scatter.
     Noisy,
-    /// It always reads the same value.
+    /// Always reads the same value.
     Stuck,
 }
 
@@ -230,17 +230,17 @@ impl FromStr for FaultKind {
     }
 }
 
-/// What became of a sensor's beam in one sweep.
+/// Use of a sensor's beam in one sweep.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Verdict {
-    /// It heard what the estimator knows, and corrected the pose.
+    /// The echo matched the map and corrected the pose.
     Used,
-    /// It heard something else.
+    /// The echo matched nothing in the map.
     Unexplained,
-    /// It heard nothing, or nothing is known yet.
+    /// No echo, or no map yet.
     #[default]
     Silent,
-    /// Its sensor is faulty.
+    /// The sensor is faulty.
     Ignored,
 }
 
@@ -253,7 +253,7 @@ pub struct FaultEvent {
     pub sensor: usize,
     /// Its new state.
     pub state: SensorState,
-    /// Why, in words.
+    /// Why, for people.
     pub reason: String,
 }
 
@@ -280,15 +280,15 @@ impl Wheel {
     }
 }
 
-/// What a wheel encoder's counts are worth.
+/// How a wheel encoder's counts are used.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum EncoderState {
-    /// They are used as they come.
+    /// Counts are used unchanged.
     #[default]
     Healthy,
-    /// They stand still while the wheel turns: the robot's motion is unknown.
+    /// Counts stand still while the wheel turns: the robot's motion is unknown.
     Dead,
-    /// They run backwards, and are used with the sign turned over.
+    /// Counts run backwards and are used with the opposite sign.
     Reversed,
 }
 
@@ -313,11 +313,11 @@ pub struct EncoderEvent {
     pub wheel: Wheel,
     /// Its encoder's new state.
     pub state: EncoderState,
-    /// Why, in words.
+    /// Why, for people.
     pub reason: String,
 }
 
-/// The drive as the estimator has learnt it, with one standard deviation each.
+/// Wheel calibration as the estimator learned it, each value with one standard deviation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
     /// Right wheel's size over the left's.
@@ -330,31 +330,31 @@ pub struct Calibration {
     pub wheel_base_sigma_m: f64,
 }
 
-/// What the pipeline has counted since it began.
+/// Counters of the pipeline since its start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
-    /// Frames whose checksum held.
+    /// Frames with a correct checksum.
     pub frames: u64,
-    /// Frames whose checksum did not hold.
+    /// Frames with a wrong checksum.
     pub crc_errors: u64,
     /// Other frames that could not be decoded: bad stuffing, too long, too short.
     pub malformed: u64,
-    /// Bytes that belong to no good frame.
+    /// Bytes that belong to no valid frame.
     pub dropped_bytes: u64,
-    /// Good frames that the sequence numbers say are missing.
+    /// Frames missing by their sequence numbers.
     pub lost_frames: u64,
-    /// Good frames of a type this version does not know.
+    /// Valid frames of a type that this version does not know.
     pub unknown: u64,
-    /// Good frames whose content was refused.
+    /// Valid frames with refused content.
     pub refused: u64,
-    /// The host's own messages, come back.
+    /// The host's own messages, received back.
     pub echoed: u64,
-    /// Fired groups of the ring that were used.
+    /// Sensor groups used.
     pub groups: u64,
     /// Restarts of the board.
     pub restarts: u64,
     /// Sweeps used.
     pub sweeps: u64,
-    /// Sweeps that were given up because too much of them was missing.
+    /// Sweeps dropped because too much of them was missing.
     pub dropped_sweeps: u64,
 }

@@ -1,12 +1,12 @@
-//! How the line to the board fares, in words, and what to do to heal it.
+//! Link health: state, cause, recovery action.
 //!
 //! ```text
 //! Searching → Listening → Handshake → Streaming ⇄ Stale (0.5 s) → Lost (2 s)
 //!     ↑____________________ the port is gone, from anywhere ____________|
 //! ```
 //!
-//! A state machine like the pipeline: what was opened, heard and closed goes in, changes of state with their cause and remedies
-//! (another baud rate, opening the port anew) come out. The daemon carries them out.
+//! A state machine without I/O, like the pipeline: opened, received and closed go in; changes of state with their cause, and
+//! remedies (another baud rate, reopening the port) come out. The daemon applies the remedies.
 
 #![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
 #![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
@@ -21,26 +21,26 @@ use std::time::Duration;
 
 pub use cause::LinkCause;
 
-/// The line's state.
+/// State of the link.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LinkState {
     /// No port is open.
     #[default]
     Searching,
-    /// The port is open; no frame has been heard.
+    /// The port is open; no frame has arrived.
     Listening,
-    /// The board speaks; its sensors are not yet heard.
+    /// Frames arrive; sensor groups do not yet.
     Handshake,
-    /// The ring is heard.
+    /// Sensor groups arrive.
     Streaming,
-    /// The ring has not been heard for half a second.
+    /// No sensor group for half a second.
     Stale,
-    /// The ring has not been heard for two seconds.
+    /// No sensor group for two seconds.
     Lost,
 }
 
 impl LinkState {
-    /// All of them.
+    /// All states.
     pub const ALL: [Self; 6] =
         [Self::Searching, Self::Listening, Self::Handshake, Self::Streaming, Self::Stale, Self::Lost];
 
@@ -65,7 +65,7 @@ pub struct LinkChange {
     pub at: Timestamp,
     /// The state from now on.
     pub state: LinkState,
-    /// Why, with what to do about it.
+    /// Why; its text says what to do.
     pub cause: LinkCause,
 }
 
@@ -80,52 +80,52 @@ impl std::fmt::Display for LinkChange {
 pub enum Remedy {
     /// Set this many bits per second.
     Baud(u32),
-    /// Close the port and open it anew.
+    /// Close the port and open it again.
     Reopen,
 }
 
-/// What the pipeline has received since it began.
+/// What the pipeline has received since its start.
 #[derive(Clone, Copy, Debug)]
 pub struct Reception<'a> {
-    /// Good frames.
+    /// Valid frames.
     pub frames: u64,
-    /// Fired groups of the ring.
+    /// Sensor groups.
     pub groups: u64,
     /// Restarts of the board.
     pub restarts: u64,
-    /// The host's own messages, come back.
+    /// The host's own messages, received back.
     pub echoed: u64,
-    /// Who the board is.
+    /// The board.
     pub board: &'a Board,
 }
 
-/// The rates boards and bridges usually run at, likeliest first.
+/// Usual rates of boards and bridges, likeliest first.
 pub const USUAL_BAUDS: [u32; 8] = [115_200, 250_000, 500_000, 1_000_000, 57_600, 38_400, 19_200, 9_600];
 
-/// A board that was reset by the opening of the port gets this long to boot and speak, or to be asked and answer.
+/// Time for a board to boot after opening the port reset it, and to speak or answer.
 const FIRST_WORD: Duration = Duration::from_millis(4_000);
-/// How long each further baud rate is listened to.
+/// Listening time at each further baud rate.
 const BAUD_TRIAL: Duration = Duration::from_millis(1_500);
-/// After all rates were tried in vain, they are tried again this much later.
+/// Pause after all rates failed, before they are tried again.
 const BAUD_PAUSE: Duration = Duration::from_secs(30);
-/// A board that answers should be heard firing within this.
+/// A board that answers should fire its sensors within this time.
 const FIRST_ECHO: Duration = Duration::from_secs(5);
 const STALE: Duration = Duration::from_millis(500);
 const LOST: Duration = Duration::from_secs(2);
 /// Bytes arrive if the last ones are younger than this.
 const BYTES_ARRIVE: Duration = Duration::from_millis(300);
-/// A line that has been dead silent for this long is opened anew.
+/// A link silent for this long is reopened.
 const REOPEN: Duration = Duration::from_secs(10);
-/// A tick that comes so late says that the machine slept, or the program was stopped: seconds.
+/// A tick this late means that the machine slept or the program was stopped, seconds.
 const ASLEEP_S: f64 = 0.5;
-/// So many restarts of the board within this time are told.
+/// This many restarts within this time are reported.
 const RESTARTS: usize = 3;
 const RESTARTS_WITHIN_S: f64 = 30.0;
-/// Bytes kept to tell text from noise, and how many it takes.
+/// Bytes kept to distinguish text from noise, and the minimum for a decision.
 const SAMPLE: usize = 96;
 const MIN_TEXT: usize = 24;
 
-/// The line to the board.
+/// The link to the board.
 #[derive(Clone, Debug)]
 pub struct Link {
     state: LinkState,
@@ -133,11 +133,11 @@ pub struct Link {
     port: String,
     wanted_baud: u32,
     baud: u32,
-    /// The next of the usual rates to try.
+    /// Index of the next usual rate to try.
     trial: usize,
-    /// When something was last to be waited for: the opening, a new rate, the first frame, the last echo.
+    /// Start of the current wait: the opening, a new rate, the first frame, the last echo.
     since: Timestamp,
-    /// Bytes, frames and fired groups at that time.
+    /// Bytes, frames and sensor groups at that time.
     bytes: u64,
     frames: u64,
     groups: u64,
@@ -150,7 +150,7 @@ pub struct Link {
 }
 
 impl Link {
-    /// A line whose port is not open, meant to run at `baud`.
+    /// A link whose port is not open, configured for `baud`.
     #[must_use]
     pub fn new(baud: u32) -> Self {
         Self {
@@ -173,7 +173,7 @@ impl Link {
         }
     }
 
-    /// The state now.
+    /// Current state.
     #[must_use]
     pub fn state(&self) -> LinkState {
         self.state
@@ -185,7 +185,7 @@ impl Link {
         &self.cause
     }
 
-    /// Bits per second now: the port is to be opened with these.
+    /// Current bits per second: open the port with these.
     #[must_use]
     pub fn baud(&self) -> u32 {
         self.baud
@@ -206,7 +206,7 @@ impl Link {
         self.change(at, LinkState::Listening, cause);
     }
 
-    /// `bytes` have been read and handed to the pipeline, which has now received `reception`.
+    /// `bytes` were read and passed to the pipeline, which has received `reception` by now.
     pub fn heard(&mut self, at: Timestamp, bytes: &[u8], reception: &Reception<'_>) {
         self.heard_at = at;
         self.bytes += bytes.len() as u64;
@@ -230,7 +230,7 @@ impl Link {
     pub fn tick(&mut self, at: Timestamp, reception: &Reception<'_>) {
         let Some(deadline) = self.deadline().filter(|deadline| *deadline <= at) else { return };
         if at.seconds_since(deadline) > ASLEEP_S {
-            // The program was not there to hear: it begins to wait now.
+            // The program did not run, so it missed the bytes: the wait starts now.
             self.since = at;
             return;
         }
@@ -256,7 +256,7 @@ impl Link {
         }
     }
 
-    /// When [`Link::tick`] is due, if at all.
+    /// When [`Link::tick`] is due; none without a wait.
     #[must_use]
     pub fn deadline(&self) -> Option<Timestamp> {
         let wait = match self.state {
@@ -272,12 +272,12 @@ impl Link {
         Some(self.since + wait)
     }
 
-    /// The next change to be told.
+    /// The next change.
     pub fn poll_change(&mut self) -> Option<LinkChange> {
         self.changes.pop_front()
     }
 
-    /// What to do to the port now.
+    /// What to do to the port now, if anything.
     pub fn take_remedy(&mut self) -> Option<Remedy> {
         self.remedy.take()
     }
@@ -289,14 +289,14 @@ impl Link {
         }
     }
 
-    /// From now on what comes is counted anew.
+    /// Restarts the wait and its counts.
     fn listen(&mut self, at: Timestamp, reception: &Reception<'_>) {
         (self.since, self.heard_at) = (at, at);
         (self.bytes, self.frames, self.groups) = (0, reception.frames, reception.groups);
         self.sample.clear();
     }
 
-    /// The first good frame.
+    /// The first valid frame arrived.
     fn greet(&mut self, at: Timestamp, reception: &Reception<'_>) {
         self.since = at;
         let cause = if reception.echoed == reception.frames {
@@ -311,7 +311,7 @@ impl Link {
         self.change(at, LinkState::Handshake, cause);
     }
 
-    /// Nothing good came at this rate: says what did, and tries the next.
+    /// No valid frame arrived at this rate: reports what did, and tries the next.
     fn try_on(&mut self, at: Timestamp, reception: &Reception<'_>) {
         if let Some(text) = self.text() {
             if !matches!(self.cause, LinkCause::WrongFirmware { .. }) {
@@ -348,7 +348,7 @@ impl Link {
         self.listen(at, reception);
     }
 
-    /// The beginning of the text that the board prints, if it prints text.
+    /// Start of the text that the board prints, if it prints text.
     fn text(&self) -> Option<String> {
         let is_text = |byte: &u8| (b' '..=b'~').contains(byte) || matches!(byte, b'\r' | b'\n' | b'\t');
         let printed = self.sample.iter().filter(|byte| is_text(byte)).count();

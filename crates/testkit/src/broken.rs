@@ -93,7 +93,7 @@ impl Drive {
                 Record::Received { at, bytes } if !bytes.is_empty() => {
                     pipeline.handle(Input::Received { at, bytes: &bytes });
                 }
-                Record::Received { .. } => {}
+                Record::Received { .. } | Record::Opened { .. } => {}
                 Record::Sent { at, bytes } => pipeline.handle(Input::Sent { at, bytes: &bytes }),
                 Record::Truth { at, pose } => pairing.truth(at, pose),
             }

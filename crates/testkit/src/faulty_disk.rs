@@ -140,5 +140,6 @@ pub fn record(chunk: &Chunk) -> Record {
     match chunk {
         Chunk::Received(at, bytes) => Record::Received { at: *at, bytes: bytes.to_vec() },
         Chunk::Sent(at, bytes) => Record::Sent { at: *at, bytes: bytes.to_vec() },
+        Chunk::Opened(at) => Record::Opened { at: *at },
     }
 }

@@ -222,12 +222,7 @@ fn capture(records: &[Record]) -> Vec<u8> {
     let path = folder.path().join("sound.mcap");
     let mut writer = CaptureWriter::create(&path, &CaptureInfo::default()).expect("created");
     for record in records {
-        match record {
-            Record::Received { at, bytes } => writer.received(*at, bytes),
-            Record::Sent { at, bytes } => writer.sent(*at, bytes),
-            Record::Truth { at, pose } => writer.truth(*at, *pose),
-        }
-        .expect("written");
+        writer.record(record).expect("written");
     }
     writer.finish().expect("finished");
     std::fs::read(path).expect("there")
@@ -245,7 +240,7 @@ fn unsealed(records: &[Record]) -> Vec<u8> {
         let (id, bytes) = match record {
             Record::Received { bytes, .. } => (ids[0], bytes),
             Record::Sent { bytes, .. } => (ids[1], bytes),
-            Record::Truth { .. } => continue,
+            Record::Opened { .. } | Record::Truth { .. } => continue,
         };
         let log_time = record.at().us() * 1000;
         let header = mcap::records::MessageHeader { channel_id: id, sequence: 0, log_time, publish_time: log_time };

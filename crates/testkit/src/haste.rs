@@ -29,10 +29,10 @@ impl Haste {
                     }
                     frames.extend_from_slice(&self.encoder.encode(&message));
                 }
-                // A record without bytes would be a port opened anew.
                 (!frames.is_empty()).then_some(Record::Received { at: half(at), bytes: frames })?
             }
             Record::Sent { at, bytes } => Record::Sent { at: half(at), bytes },
+            Record::Opened { at } => Record::Opened { at: half(at) },
             Record::Truth { at, pose } => Record::Truth { at: half(at), pose },
         })
     }

@@ -4,7 +4,7 @@
 
 use slamd_capture::Record;
 use slamd_core::config::Config;
-use slamd_core::event::{Event, Input, LocalizationChange, LocalizationEvent, Output, SearchState};
+use slamd_core::event::{Event, LocalizationChange, LocalizationEvent, Output, SearchState};
 use slamd_core::geometry::{Point, Pose2, wrap_angle};
 use slamd_core::pipeline::{Pipeline, Start};
 use slamd_core::saved_state::SavedState;
@@ -46,11 +46,10 @@ pub fn drive(world: World, seed: u64, duration_s: f64, mix: FaultMix) -> impl It
 
 /// Hands a record to a pipeline and its events to `each`; the truth, where the record is one.
 pub fn feed(pipeline: &mut Pipeline, record: &Record, mut each: impl FnMut(Event)) -> Option<Pose2> {
-    match record {
-        Record::Received { at, bytes } => pipeline.handle(Input::Received { at: *at, bytes }),
-        Record::Sent { at, bytes } => pipeline.handle(Input::Sent { at: *at, bytes }),
-        Record::Truth { pose, .. } => return Some(*pose),
+    if let Record::Truth { pose, .. } = record {
+        return Some(*pose);
     }
+    record.input().into_iter().for_each(|input| pipeline.handle(input));
     while let Some(output) = pipeline.poll_output() {
         if let Output::Event(event) = output {
             each(event);

@@ -58,7 +58,7 @@ impl Tap {
                 }
             }
             Update::Event(Event::Localization(event)) => self.is_lost = event.is_lost(),
-            Update::Event(_) => {}
+            Update::Event(_) | Update::Transmit(_) => {}
             Update::Truth(at, pose) => {
                 if self.true_at.is_none_or(|last| at.seconds_since(last) >= TRUTH_PERIOD_S) {
                     self.true_at = Some(at);

@@ -7,7 +7,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
 use allocation_counter::measure;
-use slamd_capture::{CaptureReader, Record};
+use slamd_capture::CaptureReader;
 use slamd_core::config::Config;
 use slamd_core::event::{Event, Input, Output};
 use slamd_core::pipeline::Pipeline;
@@ -74,11 +74,8 @@ fn allocating(capture: &str) -> (u64, Vec<String>) {
             let at = pipeline.next_deadline();
             look(&mut pipeline, at, Input::Tick { at });
         }
-        match &record {
-            Record::Received { at, bytes } if bytes.is_empty() => look(&mut pipeline, *at, Input::Opened { at: *at }),
-            Record::Received { at, bytes } => look(&mut pipeline, *at, Input::Received { at: *at, bytes }),
-            Record::Sent { at, bytes } => look(&mut pipeline, *at, Input::Sent { at: *at, bytes }),
-            Record::Truth { .. } => {}
+        if let Some(input) = record.input() {
+            look(&mut pipeline, record.at(), input);
         }
     }
     (sweeps, complaints)

@@ -2,9 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use slamd_capture::Record;
 use slamd_core::config::Config;
-use slamd_core::event::{Event, FaultEvent, FaultKind, Input, Output, SensorState};
+use slamd_core::driver::{Driver, Update};
+use slamd_core::event::{Event, FaultEvent, FaultKind, SensorState};
 use slamd_core::fault::detector::Detector;
 use slamd_core::geometry::Ring;
 use slamd_core::sweep::{Beam, NoMeasurement, Sweep};
@@ -35,27 +35,19 @@ fn run(sensors: u8, seed: u64, duration_s: f64, faults: &[&str]) -> Run {
         clock_drift_ppm: 300.0,
         link: LinkFaults::default(),
     });
-    let mut pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh).unwrap();
+    let pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh).unwrap();
+    let mut driver = Driver::new(pipeline);
     let mut run = Run { faults: Vec::new(), first_estimate_s: f64::INFINITY };
     for record in session(simulation) {
-        let now = match &record {
-            Record::Received { at, bytes } => {
-                pipeline.handle(Input::Received { at: *at, bytes });
-                *at
+        driver.feed(&record, |context, update| match update {
+            Update::Event(Event::Fault(fault)) => {
+                run.faults.push(FaultEvent { at: context.now, ..fault.clone() });
             }
-            Record::Sent { at, bytes } => {
-                pipeline.handle(Input::Sent { at: *at, bytes });
-                *at
+            Update::Event(Event::Estimate(_)) => {
+                run.first_estimate_s = run.first_estimate_s.min(context.now.seconds());
             }
-            Record::Truth { at, .. } => *at,
-        };
-        while let Some(output) = pipeline.poll_output() {
-            match output {
-                Output::Event(Event::Fault(fault)) => run.faults.push(FaultEvent { at: now, ..fault }),
-                Output::Event(Event::Estimate(_)) => run.first_estimate_s = run.first_estimate_s.min(now.seconds()),
-                _ => {}
-            }
-        }
+            _ => {}
+        });
     }
     run
 }

@@ -4,7 +4,8 @@
 
 use slamd_capture::Record;
 use slamd_core::config::Config;
-use slamd_core::event::{Event, Input, LocalizationChange, LocalizationEvent, Output};
+use slamd_core::driver::{Driver, Update};
+use slamd_core::event::{Event, LocalizationChange, LocalizationEvent};
 use slamd_metrics::AccuracyMeter;
 use slamd_protocol::{FrameDecoder, FrameEncoder, Message};
 use slamd_sim::fault::FaultMix;
@@ -49,36 +50,31 @@ fn slipped(records: impl Iterator<Item = Record>) -> Vec<Record> {
 
 /// The lock's changes, and the greatest error after the last of them, metres.
 fn drive(records: &[Record]) -> (Vec<LocalizationEvent>, f64) {
-    let mut pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh).unwrap();
+    let pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh).unwrap();
+    let mut driver = Driver::new(pipeline);
     let (mut changes, mut worst_m, mut meter) = (Vec::new(), 0.0_f64, AccuracyMeter::default());
     let mut first = None;
     let mut last_truth = None;
     for record in records {
-        match record {
-            Record::Received { at, bytes } => pipeline.handle(Input::Received { at: *at, bytes }),
-            Record::Sent { at, bytes } => pipeline.handle(Input::Sent { at: *at, bytes }),
-            Record::Truth { at, pose } => {
-                meter.truth(*at, *pose);
-                last_truth = Some(*pose);
+        driver.feed(record, |_, update| match update {
+            Update::Truth(at, pose) => {
+                meter.truth(at, pose);
+                last_truth = Some(pose);
             }
-        }
-        while let Some(output) = pipeline.poll_output() {
-            match output {
-                Output::Event(Event::Localization(lock)) => {
-                    changes.push(lock);
-                    worst_m = 0.0;
-                }
-                Output::Event(Event::Estimate(estimate)) => {
-                    meter.estimate(estimate.at, estimate.pose);
-                    first = first.or_else(|| meter.world_from_map());
-                    if let (Some(world_from_map), Some(truth)) = (first, last_truth) {
-                        let error_m = ((world_from_map * estimate.pose).position() - truth.position()).norm();
-                        worst_m = worst_m.max(error_m);
-                    }
-                }
-                _ => {}
+            Update::Event(Event::Localization(lock)) => {
+                changes.push(lock.clone());
+                worst_m = 0.0;
             }
-        }
+            Update::Event(Event::Estimate(estimate)) => {
+                meter.estimate(estimate.at, estimate.pose);
+                first = first.or_else(|| meter.world_from_map());
+                if let (Some(world_from_map), Some(truth)) = (first, last_truth) {
+                    let error_m = ((world_from_map * estimate.pose).position() - truth.position()).norm();
+                    worst_m = worst_m.max(error_m);
+                }
+            }
+            _ => {}
+        });
     }
     (changes, worst_m)
 }

@@ -43,7 +43,7 @@ fn drive(link: LinkFaults) -> Drive {
             match record {
                 Record::Received { at, bytes } => pipeline.handle(Input::Received { at, bytes: &bytes }),
                 Record::Truth { at, pose } => meter.truth(at, pose),
-                Record::Sent { .. } => {}
+                Record::Sent { .. } | Record::Opened { .. } => {}
             }
         }
         if pipeline.next_deadline() <= now {

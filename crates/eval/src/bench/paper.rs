@@ -51,7 +51,7 @@ pub fn page(seeds: &[u64], folder: &str, command: &str, done: impl Fn() + Sync) 
     let world = room.load_world().map_err(io::Error::other)?;
     let (records, faults) = simulate(&room, &world, FIGURE_SEED);
     let (drive, _) = follow(&room, &world, &records, faults);
-    let raw = drive.pipeline.ring().map(|ring| raw_map(&records, ring)).unwrap_or_default();
+    let raw = drive.pipeline().ring().map(|ring| raw_map(&records, ring)).unwrap_or_default();
     let mut pictures = figures(&drive, raw)?;
 
     let home = figure_case("home");
@@ -145,7 +145,7 @@ fn map_plot(title: &str, drive: &Drive) -> Plot {
         title: title.into(),
         x_label: "x [m]",
         y_label: "y [m]",
-        map: Some(drive.pipeline.raster()),
+        map: Some(drive.pipeline().raster()),
         curves: vec![
             Curve { name: "estimated path", ink: ESTIMATED, is_dashed: false, points: estimated },
             Curve { name: "true path", ink: TRUE, is_dashed: true, points: truth },

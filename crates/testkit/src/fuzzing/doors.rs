@@ -109,10 +109,8 @@ pub fn framed(kind: u8, number: usize, payload: &[u8]) -> Vec<u8> {
 }
 
 pub fn feed(pipeline: &mut Pipeline, record: &Record) {
-    match record {
-        Record::Received { at, bytes } => pipeline.handle(Input::Received { at: *at, bytes }),
-        Record::Sent { at, bytes } => pipeline.handle(Input::Sent { at: *at, bytes }),
-        Record::Truth { .. } => {}
+    if let Some(input) = record.input() {
+        pipeline.handle(input);
     }
     while pipeline.poll_output().is_some() {}
 }

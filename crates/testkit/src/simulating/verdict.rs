@@ -86,7 +86,7 @@ fn replayed(records: Vec<Record>, start: Start, remains: &Remains, folder: &Path
     let (watch, watcher) = Watch::new();
     session.watch(watcher);
     for record in records {
-        replay::step(&mut session, record).expect("nothing is written");
+        replay::step(&mut session, &record).expect("nothing is written");
     }
     session.run_until(remains.session.now());
     let (live, again) = (remains.watch.borrow(), watch.borrow());

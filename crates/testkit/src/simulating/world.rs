@@ -104,7 +104,7 @@ impl World {
                     self.ledger.sent(&bytes);
                     self.cable.up(at.us(), &bytes);
                 }
-                Record::Sent { .. } => {}
+                Record::Sent { .. } | Record::Opened { .. } => {}
             }
         }
     }

@@ -1,40 +1,42 @@
-//! What is shown: one moment of a session, small enough to be copied ten times a second.
+//! What the screen shows: a session's state, the link, rates and the map; small enough to be copied ten times a second.
 
-use slamd_core::event::{Calibration, Counters, EncoderState, Estimate, FaultEvent};
+use slamd_core::event::SensorState;
 use slamd_core::geometry::{Point, Pose2};
 use slamd_core::link::LinkState;
 use slamd_core::mapping::raster::Raster;
 use slamd_core::rates::Rates;
-use slamd_core::time::Timestamp;
+use slamd_core::snapshot::Snapshot;
 use std::sync::Arc;
 
-/// One moment of a session.
+/// What one screen shows.
 #[derive(Clone, Debug, Default)]
-pub struct Snapshot {
-    /// The robot's name.
-    pub robot: String,
-    /// Session time.
-    pub at: Timestamp,
-    /// How the bytes come.
+pub struct Dashboard {
+    /// The session's state.
+    pub session: Snapshot,
+    /// The link's health, or what a replay does.
     pub line: Line,
-    /// What has been counted.
-    pub counters: Counters,
-    /// The same per second, lately.
+    /// What is counted per second, lately.
     pub rates: Rates,
-    /// The last sweep, one beam per sensor, by id; empty while no ring is known.
-    pub beams: Vec<Beam>,
     /// The farthest that a sensor measures, metres.
     pub max_range_m: f64,
-    /// The faulty sensors with the reason in words.
-    pub faults: Vec<FaultEvent>,
-    /// The left and the right wheel's encoder.
-    pub encoders: [EncoderState; 2],
-    /// The newest pose.
-    pub estimate: Option<Estimate>,
-    /// The wheels as learnt so far, where the method learns them.
-    pub calibration: Option<Calibration>,
     /// The map, which is renewed less often than the rest.
     pub plan: Arc<Plan>,
+}
+
+impl Dashboard {
+    /// The last sweep on the ring as it is mounted, by sensor; empty while no ring is known.
+    pub(super) fn beams(&self) -> impl Iterator<Item = Beam> {
+        let Snapshot { ring, ranges_m, states, .. } = &self.session;
+        ring.mountings.iter().enumerate().map(|(sensor, mounting)| {
+            let range_m = ranges_m.get(sensor).copied().unwrap_or(f64::NAN);
+            let state = match states.get(sensor) {
+                Some(SensorState::Faulty(_)) => BeamState::Faulty,
+                _ if range_m.is_nan() => BeamState::Silent,
+                _ => BeamState::Healthy,
+            };
+            Beam { robot_from_sensor: mounting.robot_from_sensor, range_m, state }
+        })
+    }
 }
 
 /// The state of the line in words.
@@ -75,18 +77,18 @@ impl Line {
 
 /// One sensor in the last sweep.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Beam {
+pub(super) struct Beam {
     /// Where it sits; its x axis is the beam's.
-    pub robot_from_sensor: Pose2,
+    pub(super) robot_from_sensor: Pose2,
     /// Metres, or as in REP-117.
-    pub range_m: f64,
+    pub(super) range_m: f64,
     /// What it is worth.
-    pub state: BeamState,
+    pub(super) state: BeamState,
 }
 
 /// What a sensor's beam is worth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BeamState {
+pub(super) enum BeamState {
     /// It is used.
     Healthy,
     /// It is ignored.
