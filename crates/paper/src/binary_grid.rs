@@ -4,7 +4,7 @@
 //! the paper has neither free space nor forgetting. The heading is sought in the local map only, the occupied cells
 //! within r = Vmax · dt + alpha of the robot (equation 10).
 //!
-//! **An addition.** A map without free space is of no use to who wants to drive by it, so each 8 cm square also has one bit
+//! **An addition.** A map without free space is of no use for driving, so each 8 cm square also has one bit
 //! that says whether a beam's axis has crossed it on the way to its endpoint. It is used in [`BinaryGrid::raster`] only; the
 //! estimator never sees it. Occupied wins, and silence clears nothing: a sensor that is stuck at "nothing in range" must not draw free
 //! space through walls.
@@ -45,7 +45,7 @@ pub struct BinaryGrid {
 
 impl BinaryGrid {
     /// Equations 5 and 6 for one reliable beam: its endpoint is occupied, its axis up to there is free. `sensor` and `endpoint` are
-    /// metres in the robot frame. Places that are not finite or do not fit are refused and counted.
+    /// metres in the robot frame. Points that are not finite or do not fit are refused and counted.
     pub fn mark(&mut self, map_from_robot: Pose2, sensor: Point, endpoint: Point) {
         let (from, to) = (map_from_robot.transform(sensor), map_from_robot.transform(endpoint));
         let Some((column, row)) = cell(to) else {
@@ -77,7 +77,7 @@ impl BinaryGrid {
         }
     }
 
-    /// Beams and squares that found no place.
+    /// Beams and squares that did not fit.
     #[must_use]
     pub fn refused(&self) -> u64 {
         self.refused
@@ -103,8 +103,8 @@ impl BinaryGrid {
         };
         let mut draw = |(column, row): Index, value: i8| {
             let (x, y) = (column - left * TILE, row - bottom * TILE);
-            let place = x.unsigned_abs() as usize / merge + y.unsigned_abs() as usize / merge * width;
-            if let Some(drawn) = raster.occupancy.get_mut(place) {
+            let index = x.unsigned_abs() as usize / merge + y.unsigned_abs() as usize / merge * width;
+            if let Some(drawn) = raster.occupancy.get_mut(index) {
                 *drawn = (*drawn).max(value);
             }
         };
@@ -183,12 +183,12 @@ impl Tile {
     }
 }
 
-/// The places of the bits that are set, lowest first.
+/// The indices of the bits that are set, lowest first.
 fn ones(mut bits: u64) -> impl Iterator<Item = i32> {
     std::iter::from_fn(move || {
-        let place = bits.trailing_zeros();
+        let index = bits.trailing_zeros();
         bits &= bits.wrapping_sub(1);
-        (place < u64::BITS).then_some(place.cast_signed())
+        (index < u64::BITS).then_some(index.cast_signed())
     })
 }
 

@@ -156,7 +156,7 @@ impl FaultTest {
     }
 }
 
-/// How much a sweep without an echo speaks against the sensor.
+/// Evidence that a silent sweep adds, as a log-likelihood ratio.
 fn silence(evidence: &Evidence, params: &Params) -> f64 {
     let by_map = evidence
         .expected

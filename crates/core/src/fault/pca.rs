@@ -45,7 +45,7 @@ impl PcaBlock {
         }
     }
 
-    /// Takes V\[k\] in the place of the oldest instant. True once three instants are there and [`PcaBlock::analyse`] means
+    /// Replaces the oldest instant by V\[k\]. True once three instants are there and [`PcaBlock::analyse`] means
     /// something. Beams beyond the ring are ignored, beams the sweep lacks count as missing.
     pub fn push(&mut self, sweep: &Sweep) -> bool {
         let column = self.instants % INSTANTS;

@@ -1,4 +1,4 @@
-//! Position: the filters that follow the robot.
+//! Position: EKF-SLAM over pose, wheels and wall offsets.
 
 pub mod beam_model;
 pub mod ekf_slam;
@@ -9,6 +9,7 @@ mod inactive_landmarks;
 mod innovation_whiteness;
 pub mod landmark_initializer;
 pub mod localization_monitor;
+pub mod params;
 pub mod relocalize;
 mod relocation;
 mod segments;
