@@ -3,7 +3,7 @@
 
 use slamd_testkit::fuzzing;
 use slamd_testkit::fuzzing::Corpus;
-use slamd_core::saved_state::SavedState;
+use slamd_core::SavedState;
 use std::sync::LazyLock;
 
 static SESSION: LazyLock<SavedState> = LazyLock::new(|| Corpus::build().saved_state());

@@ -5,7 +5,7 @@
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
-use slamd_core::geometry::Point;
+use slamd_core::Point;
 
 /// What a dot is drawn with.
 #[derive(Clone, Copy, Debug)]

@@ -1,7 +1,6 @@
 //! 50 million bytes and 10,000 files; `cargo xtask fuzz` does a thousand million and a million, and times them.
 
-use slamd_core::config::Config;
-use slamd_core::pipeline::Start;
+use slamd_core::{Config, Start};
 use slamd_testkit::fuzzing;
 use slamd_testkit::fuzzing::{Corpus, Kind};
 

@@ -4,7 +4,7 @@
 
 use crate::seeds::Seeds;
 use indicatif::ProgressBar;
-use slamd_core::event::{EncoderState, SensorState};
+use slamd_core::{EncoderState, SensorState};
 use slamd_metrics::quantile;
 use slamd_sim::fault::SensorFault;
 use slamd_testkit::broken::{Drive, Outcome, Slip};
@@ -195,11 +195,9 @@ fn print_row(row: &Row, broken: &[Outcome], whole: &[Outcome], is_verbose: bool)
         }
         if is_verbose {
             eprintln!("{} {}: ratio {ratio:.2}, covered {:?}", row.name, drive.seed, outcome.covered(whole));
-            let words =
-                |lock: &slamd_core::event::LocalizationEvent| format!("{:.1} {:?}", lock.at.seconds(), lock.change);
+            let words = |lock: &slamd_core::LocalizationEvent| format!("{:.1} {:?}", lock.at.seconds(), lock.change);
             eprintln!("    {:?}", outcome.locks.iter().map(words).collect::<Vec<_>>());
-            let words =
-                |e: &slamd_core::event::EncoderEvent| format!("{:.1} {:?} {:?}", e.at.seconds(), e.wheel, e.state);
+            let words = |e: &slamd_core::EncoderEvent| format!("{:.1} {:?} {:?}", e.at.seconds(), e.wheel, e.state);
             eprintln!("    {:?}", outcome.encoders.iter().map(words).collect::<Vec<_>>());
         }
     }
@@ -244,7 +242,7 @@ fn found_s(drive: &Drive, outcome: &Outcome) -> Vec<f64> {
 }
 
 /// Whether an encoder's verdict names what is broken.
-fn is_right(drive: &Drive, told: &slamd_core::event::EncoderEvent) -> bool {
+fn is_right(drive: &Drive, told: &slamd_core::EncoderEvent) -> bool {
     drive.encoder_faults.iter().any(|fault| {
         let words = format!("{:?} {:?}", fault.wheel, fault.kind);
         told.state != EncoderState::Healthy

@@ -7,8 +7,7 @@
 use allocation_counter::measure;
 use indicatif::ProgressBar;
 use serde_json::Value;
-use slamd_core::event::Input;
-use slamd_core::pipeline::Pipeline;
+use slamd_core::{Input, Pipeline};
 use slamd_testkit::lattice::{Drive, Plan, drain};
 use slamd_testkit::mock_port::Terminal;
 use slamd_testkit::mock_port::daemon::Daemon;

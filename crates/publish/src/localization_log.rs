@@ -1,7 +1,7 @@
 //! `lock.csv`: when the robot lost its place and found it again, and from when on its poses were uncertain.
 
 use super::WriteError;
-use slamd_core::event::{LocalizationChange, LocalizationEvent};
+use slamd_core::{LocalizationChange, LocalizationEvent};
 use slamd_files::PartFile;
 use std::path::Path;
 

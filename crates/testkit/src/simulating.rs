@@ -17,7 +17,7 @@ pub use met::Met;
 
 use plan::Plan;
 use slamd::session_file;
-use slamd_core::pipeline::Start;
+use slamd_core::Start;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::Command;
 use world::World;

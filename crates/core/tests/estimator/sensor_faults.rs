@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use slamd_core::event::{EncoderState, LocalizationChange, SensorState, Wheel};
+use slamd_core::{EncoderState, LocalizationChange, SensorState, Wheel};
 use slamd_testkit::broken::{Drive, Outcome};
 
 fn with_encoder(fault: &str, seconds: f64) -> Outcome {

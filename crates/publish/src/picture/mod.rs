@@ -10,9 +10,7 @@ use canvas::{Canvas, Ink, Pen};
 use floor::Floor;
 pub use plot::{Curve, Plot};
 use robot::RobotMark;
-use slamd_core::event::SensorState;
-use slamd_core::geometry::{Point, Pose2, Ring};
-use slamd_core::mapping::raster::Raster;
+use slamd_core::{Point, Pose2, Raster, Ring, SensorState};
 
 /// What the picture shows. All paths are in the map frame, metres.
 pub(super) struct Scene<'a> {

@@ -2,8 +2,7 @@
 
 use super::canvas::{Canvas, Ink, Pen, Pixel, TEXT_PX};
 use crate::map_file::{FREE_PERCENT, OCCUPIED_PERCENT};
-use slamd_core::geometry::Point;
-use slamd_core::mapping::raster::Raster;
+use slamd_core::{Point, Raster};
 
 /// A line of the plot.
 #[derive(Clone, Debug, PartialEq)]
