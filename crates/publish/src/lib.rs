@@ -10,8 +10,7 @@ mod summary;
 mod track;
 mod trajectory;
 
-pub use map_file::{grey, grey_png, write_map};
-pub use picture::{Curve, Plot};
+pub use map_file::{FREE_PERCENT, OCCUPIED_PERCENT, grey, grey_png, write_map};
 pub use pose_table::PoseTable;
 pub use sketch::{Sketch, Surroundings};
 pub use slamd_files::WriteError;

@@ -3,12 +3,10 @@
 mod canvas;
 mod floor;
 mod legend;
-mod plot;
 mod robot;
 
 use canvas::{Canvas, Ink, Pen};
 use floor::Floor;
-pub use plot::{Curve, Plot};
 use robot::RobotMark;
 use slamd_core::event::SensorState;
 use slamd_core::geometry::{Point, Pose2, Ring};
