@@ -39,7 +39,7 @@ pub struct FinalState<'a> {
     pub config: &'a Config,
     /// The map.
     pub raster: &'a Raster,
-    /// The sensors' places.
+    /// Where the sensors sit.
     pub ring: &'a Ring,
     /// The sensors' states, by id.
     pub states: &'a [SensorState],
@@ -118,8 +118,8 @@ impl Outputs {
             }
             Event::Encoder(encoder) => {
                 self.fault_log.append_encoder(encoder);
-                let place = usize::from(encoder.wheel == Wheel::Right);
-                self.encoders[place] = (encoder.state != EncoderState::Healthy).then(|| EncoderFault::new(encoder));
+                let wheel = usize::from(encoder.wheel == Wheel::Right);
+                self.encoders[wheel] = (encoder.state != EncoderState::Healthy).then(|| EncoderFault::new(encoder));
             }
             Event::Position(position) => self.position = Some(position.clone()),
             Event::Board { .. }

@@ -18,7 +18,7 @@ pub struct Summary {
     pub crc_errors: u64,
     /// Frames that the sequence numbers say are missing.
     pub lost_frames: u64,
-    /// How often the robot lost its place on the map.
+    /// How often the robot lost its pose on the map.
     pub lock_losses: u64,
     /// Seconds of poses that `lock.csv` calls uncertain.
     pub uncertain_s: f64,
@@ -38,7 +38,7 @@ pub struct Summary {
     pub calibration: Option<Calibration>,
     /// The wheel encoders that were broken at the end.
     pub encoder_faults: Vec<EncoderFault>,
-    /// What is known of the place in a known map; none where it was not sought.
+    /// Where the robot is in a known map; none when the session did not search for it.
     pub position: Option<PositionEvent>,
     /// Errors against the true path, where it is known.
     #[serde(flatten)]

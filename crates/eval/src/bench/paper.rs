@@ -40,7 +40,7 @@ pub fn cases() -> Vec<Case> {
     cases.collect()
 }
 
-/// Drives, draws and writes; `done` hears of each drive, `folder` is where the page finds its pictures.
+/// Drives, draws and writes. Calls `done` after each drive; `folder` is where the page finds its pictures.
 ///
 /// # Errors
 /// Where a picture cannot be made.
@@ -208,9 +208,9 @@ first pose only. \"Holds\": no drive is lost.
         let lost = |runs: &[Run]| runs.iter().filter(|run| run.is_ever_lost()).count();
         let faults = super::table::pooled(paper);
         let words = ["world", "beam", "odometry"].map(|key| case.value(key));
-        let place = format!("{} with {} beams and odometry {}", words[0], words[1], words[2]);
+        let setting = format!("{} with {} beams and odometry {}", words[0], words[1], words[2]);
         let verdict = if lost(paper) == 0 { ("holds", &mut holds) } else { ("breaks", &mut breaks) };
-        verdict.1.push(place);
+        verdict.1.push(setting);
         let _ = writeln!(
             text,
             "| {} | {:.2} / {:.2} | {:.1} | {} of {} | {:.2} / {:.2} | {:.2} / {:.2} | {} of {} | {} |",
@@ -229,7 +229,7 @@ first pose only. \"Holds\": no drive is lost.
             verdict.0,
         );
     }
-    let list = |places: &[String]| if places.is_empty() { "nowhere".into() } else { places.join("; ") };
+    let list = |settings: &[String]| if settings.is_empty() { "nowhere".into() } else { settings.join("; ") };
     let _ = write!(text, "\nIt holds: {}.\n\nIt breaks: {}.\n{REASONS}", list(&holds), list(&breaks));
     text
 }

@@ -20,7 +20,7 @@ pub(super) struct Scene<'a> {
     pub(super) path_m: f64,
     /// The path by the encoders alone, moved so that it begins where the path begins.
     pub(super) odometry: &'a [Point],
-    /// The true path; empty where nobody knows it.
+    /// The true path; empty where it is unknown.
     pub(super) truth: &'a [Point],
     /// Root mean square distance from the truth, metres.
     pub(super) ate_m: Option<f64>,
