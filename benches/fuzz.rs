@@ -1,12 +1,11 @@
 //! `cargo bench --bench fuzz [-- --bytes 1000000000 --files 1000000]`: bytes and files that nobody would write; a panic ends it, and the
 //! slowest file is named by its kind and seed.
 
-#[path = "../tests/fuzzing/mod.rs"]
-mod fuzzing;
 mod options;
 
-use fuzzing::{Corpus, Kind};
 use indicatif::ProgressBar;
+use slamd_testkit::fuzzing;
+use slamd_testkit::fuzzing::{Corpus, Kind};
 use std::time::{Duration, Instant};
 
 const AT_ONCE: u64 = 10_000_000;

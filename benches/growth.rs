@@ -3,17 +3,16 @@
 //! Laps through three buildings of corridors ([`lattice`]), through the whole pipeline from the board's bytes on. Each line of the table is a tenth
 //! of the hours asked for. Draws `growth.png` into `--out`. Heap is what the pipeline itself has allocated and not given back.
 
-mod lattice;
 mod options;
 
 use allocation_counter::measure;
 use hdrhistogram::Histogram;
 use indicatif::ProgressBar;
-use lattice::{Drive, Plan, drain};
 use slamd_core::event::Input;
 use slamd_core::geometry::Point;
 use slamd_core::pipeline::Pipeline;
 use slamd_eval::plot::{Curve, Plot, to_png};
+use slamd_testkit::lattice::{Drive, Plan, drain};
 use std::fmt::Write as _;
 use std::path::Path;
 use std::time::Instant;

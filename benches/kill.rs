@@ -1,12 +1,9 @@
 //! `cargo bench --bench kill [-- --kills 1000]`: SIGKILL at random moments of a recording. Wants an idle machine.
 
-#[path = "../tests/killing/mod.rs"]
-mod killing;
-#[path = "../tests/mock_port/mod.rs"]
-mod mock_port;
 mod options;
 
 use indicatif::ProgressBar;
+use slamd_testkit::killing;
 
 fn main() {
     let kills: u64 = options::number("--kills", 1000);

@@ -4,16 +4,11 @@
 //! From the return of the read that brought a sweep's last byte to the pose written and shown, as the daemon itself counts it in `summary.json`.
 //! Loaded means one thread per core that does nothing but work. The board is a simulated one in haste: 20 sweeps a second.
 
-#[path = "../tests/mock_port/mod.rs"]
-mod mock_port;
-
-mod haste;
 mod options;
-mod player;
 
-use mock_port::Terminal;
-use mock_port::daemon::Daemon;
-use player::play;
+use slamd_testkit::mock_port::Terminal;
+use slamd_testkit::mock_port::daemon::Daemon;
+use slamd_testkit::player::play;
 use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};

@@ -4,11 +4,9 @@
 
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a bench")]
 
-#[path = "../tests/known_building/mod.rs"]
-mod known_building;
 mod options;
 
-use known_building::{Outcome, remember, seek};
+use slamd_testkit::known_building::{Outcome, remember, seek};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 

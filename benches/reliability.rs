@@ -5,10 +5,9 @@
 //! that is not kept makes it fail.
 
 mod options;
-mod promises;
 
 use indicatif::ProgressBar;
-use promises::{LONG, PROMISES, Promise};
+use slamd_testkit::promises::{LONG, PROMISES, Promise};
 use std::fmt::Write as _;
 use std::path::Path;
 use std::process::{Command, Stdio};

@@ -1,10 +1,9 @@
 //! `cargo bench --bench replug [-- --cycles 1000]`: the cable pulled and put back, on the real program.
 
-#[path = "../tests/mock_port/mod.rs"]
-mod mock_port;
 mod options;
 
 use indicatif::ProgressBar;
+use slamd_testkit::mock_port;
 
 fn main() {
     let cycles: u64 = options::number("--cycles", 1000);

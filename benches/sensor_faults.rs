@@ -3,15 +3,13 @@
 //!
 //! Each drive is compared with the same seed's drive without faults. Prints Markdown tables. Tune on seeds 1-20, report on 101-120.
 
-#[path = "../tests/broken/mod.rs"]
-mod broken;
 mod options;
 
-use broken::{Drive, Outcome, Slip};
 use indicatif::ProgressBar;
 use slamd_core::event::{EncoderState, SensorState};
-use slamd_eval::bench::table::quantile;
+use slamd_metrics::quantile;
 use slamd_sim::fault::SensorFault;
+use slamd_testkit::broken::{Drive, Outcome, Slip};
 use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -170,7 +168,8 @@ fn print_row(row: &Row, broken: &[Outcome], whole: &[Outcome]) {
         }
         if std::env::var_os("VERBOSE").is_some() {
             eprintln!("{} {}: ratio {ratio:.2}, covered {:?}", row.name, drive.seed, outcome.covered(whole));
-            let words = |lock: &slamd_core::event::LockEvent| format!("{:.1} {:?}", lock.at.seconds(), lock.change);
+            let words =
+                |lock: &slamd_core::event::LocalizationEvent| format!("{:.1} {:?}", lock.at.seconds(), lock.change);
             eprintln!("    {:?}", outcome.locks.iter().map(words).collect::<Vec<_>>());
             let words =
                 |e: &slamd_core::event::EncoderEvent| format!("{:.1} {:?} {:?}", e.at.seconds(), e.wheel, e.state);

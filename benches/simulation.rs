@@ -1,13 +1,10 @@
 //! `cargo bench --bench simulation [-- --seeds 2000 --first 1000]`: the whole daemon in a simulated world, seed after seed; the first that breaks a
 //! promise ends it.
 
-#[path = "../tests/faulty_disk/mod.rs"]
-mod faulty_disk;
 mod options;
-#[path = "../tests/simulating/mod.rs"]
-mod simulating;
 
 use indicatif::ProgressBar;
+use slamd_testkit::simulating;
 use std::time::Instant;
 
 #[expect(clippy::disallowed_methods, reason = "a benchmark has a clock")]

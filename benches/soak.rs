@@ -4,23 +4,17 @@
 //! two thirds, what it dropped, and whether the replay of its recording makes the same map. Then many hours of laps in the pipeline alone,
 //! twice side by side: the slope of its heap, and whether both know the same in the end.
 
-#[path = "../tests/mock_port/mod.rs"]
-mod mock_port;
-
-mod haste;
-mod lattice;
 mod options;
-mod player;
 
 use allocation_counter::measure;
 use indicatif::ProgressBar;
-use lattice::{Drive, Plan, drain};
-use mock_port::Terminal;
-use mock_port::daemon::Daemon;
-use player::play;
 use serde_json::Value;
 use slamd_core::event::Input;
 use slamd_core::pipeline::Pipeline;
+use slamd_testkit::lattice::{Drive, Plan, drain};
+use slamd_testkit::mock_port::Terminal;
+use slamd_testkit::mock_port::daemon::Daemon;
+use slamd_testkit::player::play;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};

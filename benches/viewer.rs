@@ -4,15 +4,14 @@
 //! there, and connected to something that accepts and never reads. Each is played twice, and the better figure counts: the machine does
 //! other things, too. That is also why processor time is shown beside the time that passes, which on a busy machine says little.
 
-mod haste;
 mod options;
 
-use haste::Haste;
 use rustix::time::{ClockId, clock_gettime};
 use slamd::source::replay::step;
 use slamd::source::session::Session;
 use slamd_capture::CaptureReader;
 use slamd_core::config::Config;
+use slamd_testkit::haste::Haste;
 use slamd_viewer::{Identity, Viewer};
 use std::cell::Cell;
 use std::net::TcpListener;

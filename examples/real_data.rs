@@ -9,9 +9,10 @@ use convert::Failure;
 use flate2::read::GzDecoder;
 use slamd::source::replay::replay;
 use slamd::source::session::Session;
-use slamd_capture::{CaptureReader, Record};
+use slamd_capture::CaptureReader;
 use slamd_core::config::{Config, Method};
-use slamd_core::event::{Event, Input, Output};
+use slamd_core::driver::{Driver, Update};
+use slamd_core::event::Event;
 use slamd_core::geometry::{Pose2, wrap_angle};
 use slamd_eval::import::{carmen, ring};
 use slamd_metrics::{Relation, RelationError, relation_error};
@@ -51,24 +52,21 @@ struct Run {
 
 impl Run {
     fn of(capture: &Path, config: &Config, method: Method) -> Result<Self, Failure> {
-        let mut pipeline =
-            slamd_paper::pipeline(&Config { method, ..config.clone() }, slamd_core::pipeline::Start::Fresh)
-                .expect("a fresh start holds nothing that could be refused");
-        let mut run = Self::default();
+        let pipeline = slamd_paper::pipeline(&Config { method, ..config.clone() }, slamd_core::pipeline::Start::Fresh)
+            .expect("a fresh start has no saved state that could be refused");
+        let (mut driver, mut run) = (Driver::new(pipeline), Self::default());
         for record in CaptureReader::open(capture)? {
-            match record? {
-                Record::Received { at, bytes } => pipeline.handle(Input::Received { at, bytes: &bytes }),
-                Record::Sent { at, bytes } => pipeline.handle(Input::Sent { at, bytes: &bytes }),
-                Record::Truth { .. } => {}
-            }
-            while let Some(output) = pipeline.poll_output() {
-                if let Output::Event(Event::Estimate(estimate)) = output {
-                    run.poses.push((estimate.at.seconds(), estimate.pose));
-                    run.odometry.push((estimate.at.seconds(), estimate.odometry));
-                }
-            }
+            driver.feed(&record?, |_, update| run.see(update));
         }
+        driver.end(|_, update| run.see(update));
         Ok(run)
+    }
+
+    fn see(&mut self, update: Update<'_>) {
+        if let Update::Event(Event::Estimate(estimate)) = update {
+            self.poses.push((estimate.at.seconds(), estimate.pose));
+            self.odometry.push((estimate.at.seconds(), estimate.odometry));
+        }
     }
 }
 

@@ -1,8 +1,6 @@
 //! Writes the seeds of each fuzz target into `fuzz/corpus/`.
 
-#[path = "../tests/fuzzing/mod.rs"]
-mod fuzzing;
-
+use slamd_testkit::fuzzing;
 use std::path::Path;
 
 fn main() -> std::io::Result<()> {

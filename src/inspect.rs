@@ -151,17 +151,23 @@ impl Reading {
         match record {
             Record::Sent { bytes, .. } => self.report.sent_bytes += bytes.len() as u64,
             Record::Truth { .. } => self.report.truths += 1,
+            Record::Opened { .. } => self.heard(at),
             Record::Received { bytes, .. } => {
                 self.report.received_bytes += bytes.len() as u64;
-                let before = self.heard_at.replace(at).unwrap_or(at);
-                let length_s = at.seconds_since(before);
-                if length_s > GAP_S {
-                    self.report.gaps.push(Gap { at_s: before.seconds(), length_s });
-                }
+                self.heard(at);
                 for &byte in bytes {
                     self.byte(byte);
                 }
             }
+        }
+    }
+
+    /// The board, or its port, was there at this time.
+    fn heard(&mut self, at: Timestamp) {
+        let before = self.heard_at.replace(at).unwrap_or(at);
+        let length_s = at.seconds_since(before);
+        if length_s > GAP_S {
+            self.report.gaps.push(Gap { at_s: before.seconds(), length_s });
         }
     }
 

@@ -154,7 +154,7 @@ impl Drive {
         let mut tracker = EkfSlam::new(first.pose, first.covariance[(2, 2)].sqrt(), self.config.robot.wheels());
         for (sweep, _) in &self.sweeps {
             tracker.predict(sweep.left_m, sweep.right_m);
-            tracker.expect(sweep);
+            tracker.predict_ranges(sweep);
             tracker.correct(sweep, true, |_| true);
         }
         tracker.walls().len()
@@ -226,11 +226,6 @@ fn run(pipeline: &mut Pipeline, records: &[Record], mut each: impl FnMut(Output)
         while deadline <= record.at() {
             deadline = handle(Input::Tick { at: deadline });
         }
-        deadline = match record {
-            Record::Received { at, bytes } if bytes.is_empty() => handle(Input::Opened { at: *at }),
-            Record::Received { at, bytes } => handle(Input::Received { at: *at, bytes }),
-            Record::Sent { at, bytes } => handle(Input::Sent { at: *at, bytes }),
-            Record::Truth { .. } => deadline,
-        };
+        deadline = record.input().map_or(deadline, &mut handle);
     }
 }

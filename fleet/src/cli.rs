@@ -1,5 +1,6 @@
 //! The command line.
 
+use crate::failure::{Failure, Kind};
 use crate::fleet_file::FleetFile;
 use crate::hub::Hub;
 use crate::name::Name;
@@ -7,7 +8,6 @@ use crate::network::Endpoint;
 use crate::robot::Robot;
 use crate::union::union;
 use clap::{Parser, Subcommand};
-use slamd::cli::{Failure, Kind};
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

@@ -23,6 +23,7 @@ pub mod network;
 pub mod secret;
 
 pub mod cli;
+pub mod failure;
 pub mod hub;
 pub mod map_files;
 pub mod robot;

@@ -2,7 +2,8 @@
 
 use crate::site::Site;
 use sha2::{Digest as _, Sha256};
-use slamd_publish::{WriteError, grey_png, write_file, write_map};
+use slamd_files::{WriteError, write_file};
+use slamd_publish::{grey_png, write_map};
 use std::io;
 use std::path::Path;
 

@@ -2,11 +2,11 @@
 
 use crate::acl::access_control;
 use crate::clock::wait;
+use crate::failure::{Failure, Kind};
 use crate::fleet_file::FleetFile;
 use crate::name::Name;
 use crate::secret;
 use serde_json::{Value, json};
-use slamd::cli::{Failure, Kind};
 use std::net::SocketAddr;
 use std::path::Path;
 use std::str::FromStr;

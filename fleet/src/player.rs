@@ -4,12 +4,12 @@
 
 use crate::session::SessionId;
 use crate::wire::{Grid, Pose, Range, Sweep, VERSION};
-use slamd_capture::{CaptureError, CaptureReader, Record};
+use slamd_capture::{CaptureError, CaptureReader};
 use slamd_core::config::{Config, ConfigError};
-use slamd_core::event::{Event, Input, Output};
+use slamd_core::driver::{Context, Driver, Record, Update};
+use slamd_core::event::{Estimate, Event};
 use slamd_core::geometry::Pose2;
-use slamd_core::pipeline::Pipeline;
-use slamd_core::session_clock::SessionClock;
+use slamd_core::pipeline::Start;
 use slamd_core::time::Timestamp;
 use std::io::Read;
 use std::path::Path;
@@ -42,8 +42,7 @@ pub struct Player<R: Read> {
     capture: CaptureReader<R>,
     first: Option<Record>,
     session: SessionId,
-    pipeline: Pipeline,
-    clock: SessionClock,
+    driver: Driver,
     /// Records played, and one for the end.
     seq: u64,
     start: Option<Pose2>,
@@ -58,14 +57,16 @@ impl<R: Read> Player<R> {
     pub fn begin(file: R, path: &Path) -> Result<Self, PlayError> {
         let mut capture = CaptureReader::begin(file, path)?;
         let first = capture.next().ok_or(PlayError::Empty)??;
-        let mut pipeline = slamd_paper::pipeline(&Config::from_toml(&capture.info().config_toml)?, slamd_core::pipeline::Start::Fresh).expect("a fresh start holds nothing that could be refused");
-        pipeline.keep_sweeps();
+        let config = Config::from_toml(&capture.info().config_toml)?;
+        let pipeline = slamd_paper::pipeline(&config, Start::Fresh)
+            .expect("a fresh start has no saved state that could be refused");
+        let mut driver = Driver::new(pipeline);
+        driver.keep_sweeps();
         Ok(Self {
             session: SessionId::of(capture.info(), &first),
             capture,
             first: Some(first),
-            pipeline,
-            clock: SessionClock::default(),
+            driver,
             seq: 0,
             start: None,
             is_over: false,
@@ -81,7 +82,7 @@ impl<R: Read> Player<R> {
     /// Session time.
     #[must_use]
     pub const fn now(&self) -> Timestamp {
-        self.clock.now()
+        self.driver.now()
     }
 
     /// How far the map is: see [`Grid::seq`].
@@ -105,27 +106,19 @@ impl<R: Read> Player<R> {
             return Ok(false);
         }
         let record = self.first.take().map(Ok).or_else(|| self.capture.next()).transpose()?;
+        let mut estimates = Vec::new();
+        let observe = |_: &Context<'_>, update: Update<'_>| {
+            if let Update::Event(Event::Estimate(estimate)) = update {
+                estimates.push(*estimate);
+            }
+        };
+        self.is_over = record.is_none();
         match &record {
-            Some(Record::Received { at, bytes }) => {
-                let at = self.run_until(*at);
-                self.pipeline.handle(if bytes.is_empty() {
-                    Input::Opened { at }
-                } else {
-                    Input::Received { at, bytes }
-                });
-            }
-            Some(Record::Sent { at, bytes }) => {
-                let at = self.run_until(*at);
-                self.pipeline.handle(Input::Sent { at, bytes });
-            }
-            Some(Record::Truth { .. }) => {}
-            None => {
-                self.is_over = true;
-                self.pipeline.handle(Input::End);
-            }
+            Some(record) => self.driver.feed(record, observe),
+            None => self.driver.end(observe),
         }
         self.seq += 1;
-        self.report(&mut each);
+        self.report(&estimates, &mut each);
         Ok(!self.is_over)
     }
 
@@ -141,27 +134,18 @@ impl<R: Read> Player<R> {
     /// The map so far; none before the first pose.
     #[must_use]
     pub fn grid(&self) -> Option<Grid> {
-        let map = self.pipeline.saved_state()?.map;
+        let map = self.driver.pipeline().saved_state()?.map;
         Some(Grid::new(self.session, self.seq, self.start?, map))
     }
 
-    /// Handles the deadlines up to `at`, each at its own time.
-    fn run_until(&mut self, at: Timestamp) -> Timestamp {
-        let at = self.clock.approach(at);
-        while let Some(deadline) = self.clock.due(at, self.pipeline.next_deadline()) {
-            self.pipeline.handle(Input::Tick { at: deadline });
-        }
-        at
-    }
-
-    fn report(&mut self, each: &mut impl FnMut(Report)) {
+    /// The sweeps that the last record has brought, then the poses.
+    fn report(&mut self, estimates: &[Estimate], each: &mut impl FnMut(Report)) {
         let session = self.session;
-        for sweep in self.pipeline.take_sweeps() {
+        for sweep in self.driver.take_sweeps() {
             let ranges = sweep.beams.iter().map(|beam| Range::new(beam.range_m)).collect();
             each(Report::Sweep(Sweep { version: VERSION, session, seq: sweep.index, time_us: sweep.at.us(), ranges }));
         }
-        while let Some(output) = self.pipeline.poll_output() {
-            let Output::Event(Event::Estimate(estimate)) = output else { continue };
+        for estimate in estimates {
             self.start.get_or_insert(estimate.pose);
             let Pose2 { x_m, y_m, theta_rad } = estimate.pose;
             let (seq, time_us) = (estimate.sweep, estimate.at.us());

@@ -2,7 +2,7 @@
 //!
 //! A function of the fleet file and the maps, with no memory: hub and offline union come to the same, bit for bit.
 
-use slamd_core::align::{Alignment, align};
+use crate::align::{Alignment, align};
 use crate::fleet_file::FleetFile;
 use crate::merge::{Merged, Newest, Placement};
 use crate::name::Name;

@@ -1,5 +1,6 @@
 //! The offline union: the site's map from captures alone, as a hub that has lost nothing makes it.
 
+use crate::failure::{Failure, Kind};
 use crate::fleet_file::FleetFile;
 use crate::hub::replica::{csv_head, csv_line};
 use crate::map_files;
@@ -7,7 +8,6 @@ use crate::merge::Newest;
 use crate::name::Name;
 use crate::player::{PlayError, Player, Report};
 use crate::site::Site;
-use slamd::cli::{Failure, Kind};
 use slamd_files::private::create_folder;
 use slamd_files::write_file;
 use std::fs::File;

@@ -7,19 +7,23 @@ mod drives;
 use drives::{Drive, play};
 use slamd_capture::CaptureReader;
 use slamd_core::config::Config;
-use slamd_publish::write_map;
-use slamd::source::replay::replay;
-use slamd::source::session::Session;
+use slamd_core::driver::Driver;
 use slamd_fleet::player::{Player, Report};
+use slamd_publish::write_map;
 use std::fs::File;
 use std::path::Path;
 
 fn slamds_own(path: &Path, out: &Path) -> Vec<u8> {
     let mut capture = CaptureReader::open(path).unwrap();
     let config = Config::from_toml(&capture.info().config_toml).unwrap();
-    let mut session = Session::new(slamd_paper::pipeline(&config, slamd_core::pipeline::Start::Fresh).unwrap(), out).unwrap();
-    replay(&mut capture, &mut session, |_| ()).unwrap();
-    session.finish().unwrap();
+    let pipeline = slamd_paper::pipeline(&config, slamd_core::pipeline::Start::Fresh).unwrap();
+    let mut driver = Driver::new(pipeline);
+    for record in &mut capture {
+        driver.feed(&record.unwrap(), |_, _| {});
+    }
+    driver.end(|_, _| {});
+    std::fs::create_dir_all(out).unwrap();
+    write_map(out, "map", &driver.pipeline().raster()).unwrap();
     std::fs::read(out.join("map.pgm")).unwrap()
 }
 

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
 mod drives;
-#[path = "../../tests/python/mod.rs"]
+#[path = "../../crates/testkit/src/python.rs"]
 mod python;
 
 use drives::Drive;
@@ -33,7 +33,7 @@ fn fleet(arguments: &[&str], folder: &Path) -> Running {
 
 #[test]
 fn zenohs_own_python_hears_poses_and_fetches_the_map() {
-    let python = python::python("zenoh", "zenoh", &[ZENOH]);
+    let python = python::python(env!("CARGO_TARGET_TMPDIR"), "zenoh", "zenoh", &[ZENOH]);
     let folder = tempfile::tempdir().unwrap();
     Drive { world: "flat", seed: 1, seconds: 120.0, at: None }.write(&folder.path().join("a.mcap"));
     std::fs::write(folder.path().join("fleet.toml"), "[robots.a]\n").unwrap();

@@ -1,8 +1,7 @@
 //! A capture file.
 #![no_main]
 
-#[path = "../../tests/fuzzing/mod.rs"]
-mod fuzzing;
+use slamd_testkit::fuzzing;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     fuzzing::read_capture(bytes);

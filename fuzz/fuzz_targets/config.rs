@@ -1,10 +1,8 @@
 //! A robot's configuration, then a drive with it.
 #![no_main]
 
-#[path = "../../tests/fuzzing/mod.rs"]
-mod fuzzing;
-
-use fuzzing::Corpus;
+use slamd_testkit::fuzzing;
+use slamd_testkit::fuzzing::Corpus;
 use std::sync::LazyLock;
 
 static CORPUS: LazyLock<Corpus> = LazyLock::new(Corpus::new);

@@ -1,10 +1,8 @@
 //! The map of a session file: resumed, then inspected.
 #![no_main]
 
-#[path = "../../tests/fuzzing/mod.rs"]
-mod fuzzing;
-
-use fuzzing::Corpus;
+use slamd_testkit::fuzzing;
+use slamd_testkit::fuzzing::Corpus;
 use slamd_core::saved_state::SavedState;
 use std::sync::LazyLock;
 

@@ -1,8 +1,7 @@
 //! The bytes that a client sends to the API.
 #![no_main]
 
-#[path = "../../tests/fuzzing/mod.rs"]
-mod fuzzing;
+use slamd_testkit::fuzzing;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     if let [first, requests @ ..] = bytes {

@@ -3,11 +3,11 @@
 use super::outbox::Outbox;
 use super::report::Report;
 use super::request::{LONGEST_LINE, Request, RequestError, Watch, parse};
-use super::snapshot::Snapshot;
 use super::token::Token;
 use bytes::Bytes;
 use slamd_core::event::{FaultEvent, SensorState};
 use slamd_core::link::LinkState;
+use slamd_core::snapshot::Snapshot;
 use slamd_core::time::Timestamp;
 use std::time::Duration;
 

@@ -15,7 +15,6 @@ mod pages;
 mod report;
 mod request;
 mod server;
-mod snapshot;
 mod tap;
 mod token;
 mod visit;
@@ -26,7 +25,7 @@ pub use mailbox::Mailbox;
 pub use report::{MAJOR, MINOR, Report, map_line};
 pub use request::{LONGEST_LINE, Request, RequestError, Watch, parse};
 pub use server::Server;
-pub use snapshot::Snapshot;
+pub use slamd_core::snapshot::Snapshot;
 pub use tap::Tap;
 pub use token::{Token, TokenError};
 

@@ -3,9 +3,9 @@
 use super::http::{LONGEST_HEAD, Page, Status, answer, read};
 use super::metrics::page;
 use super::server::{Counted, ServerState};
-use super::snapshot::Snapshot;
 use super::token::Token;
 use slamd_core::link::LinkState;
+use slamd_core::snapshot::Snapshot;
 use std::io;
 use std::rc::Rc;
 use std::sync::Arc;

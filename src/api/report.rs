@@ -2,7 +2,6 @@
 //! `docs/api.md` has a line for each field, and a test that compares.
 
 use super::request::Watch;
-use super::snapshot::Snapshot;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use bytes::Bytes;
@@ -10,6 +9,7 @@ use serde::Serialize;
 use slamd_core::event::{Counters, FaultEvent, SensorState, Verdict};
 use slamd_core::geometry::Mounting;
 use slamd_core::mapping::raster::Raster;
+use slamd_core::snapshot::Snapshot;
 use slamd_core::time::Timestamp;
 use slamd_publish::grey_png;
 

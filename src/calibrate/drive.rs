@@ -1,10 +1,9 @@
 //! A drive, mapped: every sweep with its pose, and the walls.
 
-use slamd_capture::Record;
 use slamd_core::config::Config;
-use slamd_core::event::{Calibration, Event, Input, Output, SensorState};
+use slamd_core::driver::{Driver, Record, Update};
+use slamd_core::event::{Calibration, Estimate, Event, SensorState};
 use slamd_core::geometry::Pose2;
-use slamd_core::pipeline::Pipeline;
 use slamd_core::saved_state::LandmarkState;
 use slamd_core::sweep::Sweep;
 use slamd_metrics::{Accuracy, AccuracyMeter};
@@ -30,7 +29,7 @@ pub struct Drive {
 /// Maps a drive while its records come in.
 #[derive(Debug)]
 pub struct Mapper {
-    pipeline: Pipeline,
+    driver: Driver,
     meter: AccuracyMeter,
     /// Sweeps that have no pose yet.
     waiting: VecDeque<Sweep>,
@@ -38,26 +37,30 @@ pub struct Mapper {
 }
 
 impl Mapper {
-    /// A mapper that has heard nothing yet.
+    /// A mapper of a drive that has not begun.
     #[must_use]
     pub fn new(config: &Config) -> Self {
-        let mut pipeline = slamd_paper::pipeline(config, slamd_core::pipeline::Start::Fresh)
-            .expect("a fresh start holds nothing that could be refused");
-        pipeline.keep_sweeps();
-        Self { pipeline, meter: AccuracyMeter::default(), waiting: VecDeque::new(), steps: Vec::new() }
+        let pipeline = slamd_paper::pipeline(config, slamd_core::pipeline::Start::Fresh)
+            .expect("a fresh start has no saved state that could be refused");
+        let mut driver = Driver::new(pipeline);
+        driver.keep_sweeps();
+        Self { driver, meter: AccuracyMeter::default(), waiting: VecDeque::new(), steps: Vec::new() }
     }
 
     /// Takes the next record.
     pub fn take(&mut self, record: &Record) {
-        match record {
-            Record::Received { at, bytes } if bytes.is_empty() => self.pipeline.handle(Input::Opened { at: *at }),
-            Record::Received { at, bytes } => self.pipeline.handle(Input::Received { at: *at, bytes }),
-            Record::Sent { at, bytes } => self.pipeline.handle(Input::Sent { at: *at, bytes }),
-            Record::Truth { at, pose } => self.meter.truth(*at, *pose),
+        if let Record::Truth { at, pose } = record {
+            self.meter.truth(*at, *pose);
         }
-        self.waiting.extend(self.pipeline.take_sweeps());
-        while let Some(output) = self.pipeline.poll_output() {
-            let Output::Event(Event::Estimate(estimate)) = output else { continue };
+        let mut estimates = Vec::new();
+        self.driver.feed(record, |_, update| estimates.extend(estimate(update)));
+        self.pair(estimates);
+    }
+
+    /// Pairs each pose with its sweep.
+    fn pair(&mut self, estimates: Vec<Estimate>) {
+        self.waiting.extend(self.driver.take_sweeps());
+        for estimate in estimates {
             self.meter.estimate(estimate.at, estimate.pose);
             while let Some(sweep) = self.waiting.pop_front_if(|sweep| sweep.index <= estimate.sweep) {
                 if sweep.index == estimate.sweep {
@@ -69,21 +72,32 @@ impl Mapper {
 
     /// The drive.
     #[must_use]
-    pub fn finish(self) -> Drive {
-        let memory = self.pipeline.saved_state();
-        let walls = memory.map_or_else(Vec::new, |memory| {
-            let near = memory.walls.into_iter().zip(memory.filter.offsets_m);
-            near.chain(memory.inactive.into_iter().map(|inactive| (inactive.wall, inactive.offset_m))).collect()
+    pub fn finish(mut self) -> Drive {
+        let mut estimates = Vec::new();
+        self.driver.end(|_, update| estimates.extend(estimate(update)));
+        self.pair(estimates);
+        let pipeline = self.driver.pipeline();
+        let state = pipeline.saved_state();
+        let walls = state.map_or_else(Vec::new, |state| {
+            let near = state.walls.into_iter().zip(state.filter.offsets_m);
+            near.chain(state.inactive.into_iter().map(|inactive| (inactive.wall, inactive.offset_m))).collect()
         });
         Drive {
             steps: self.steps,
             walls,
-            bearings_rad: self.pipeline.ring().map_or_else(Vec::new, |ring| {
+            bearings_rad: pipeline.ring().map_or_else(Vec::new, |ring| {
                 ring.mountings.iter().map(|mounting| mounting.robot_from_sensor.theta_rad).collect()
             }),
-            wheels: self.pipeline.calibration().unwrap_or_default(),
-            states: self.pipeline.states().to_vec(),
+            wheels: pipeline.calibration().unwrap_or_default(),
+            states: pipeline.states().to_vec(),
             accuracy: self.meter.accuracy(),
         }
+    }
+}
+
+const fn estimate(update: Update<'_>) -> Option<Estimate> {
+    match update {
+        Update::Event(Event::Estimate(estimate)) => Some(*estimate),
+        _ => None,
     }
 }

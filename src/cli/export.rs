@@ -64,7 +64,7 @@ impl ExportArgs {
         for record in &mut capture {
             let record = record?;
             terminal::show(&bar, record.at().seconds());
-            step(&mut session, record)?;
+            step(&mut session, &record)?;
             exports.take(&mut session, &events.take())?;
         }
         session.end();

@@ -1,7 +1,7 @@
 //! `--mqtt`: the robot in Home Assistant.
 
 use super::{Failure, Kind};
-use crate::mqtt::{Account, Broker, Password, Post};
+use crate::mqtt::{Account, Broker, MqttThread, Password};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -24,12 +24,12 @@ pub(super) const NAMES: [&str; 3] = ["mqtt", "mqtt_user", "mqtt_password_file"];
 
 impl MqttArgs {
     /// Begins to publish for the robot of this name; none where no broker is named.
-    pub(super) fn begin(&self, robot: &str) -> Result<Option<Post>, Failure> {
+    pub(super) fn begin(&self, robot: &str) -> Result<Option<MqttThread>, Failure> {
         let Some(broker) = &self.mqtt else { return Ok(None) };
         let password = self.mqtt_password_file.as_deref().map(Password::read).transpose();
         let password = password.map_err(|error| Failure::new(Kind::Config, error.to_string()))?;
         let account = self.mqtt_user.clone().map(|user| Account { user, password });
-        let post = Post::begin(broker.clone(), account.as_ref(), robot);
+        let post = MqttThread::begin(broker.clone(), account.as_ref(), robot);
         post.map(Some).map_err(|error| Failure::new(Kind::Unavailable, format!("mqtt: {error}")))
     }
 }

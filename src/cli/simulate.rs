@@ -3,7 +3,7 @@
 use super::{Failure, Kind, terminal};
 use crate::source::pty;
 use clap::{ArgGroup, Args};
-use slamd_capture::{CaptureInfo, CaptureWriter, Record};
+use slamd_capture::{CaptureInfo, CaptureWriter};
 use slamd_core::config::Config;
 use slamd_sim::encoder::EncoderFault;
 use slamd_sim::fault::{FaultMix, SensorFault};
@@ -118,11 +118,7 @@ impl SimulateArgs {
         let bar = terminal::progress(Some(self.duration));
         for record in session(simulation) {
             terminal::show(&bar, record.at().seconds());
-            match record {
-                Record::Received { at, bytes } => capture.received(at, &bytes)?,
-                Record::Sent { at, bytes } => capture.sent(at, &bytes)?,
-                Record::Truth { at, pose } => capture.truth(at, pose)?,
-            }
+            capture.record(&record)?;
         }
         bar.finish_and_clear();
         capture.finish()?;

@@ -7,26 +7,30 @@ use super::sensors::SensorEvidence;
 use super::wheels::WheelEvidence;
 use bytes::Bytes;
 use slamd_core::config::Config;
-use slamd_core::event::{Event, FaultKind, Input, Output, SensorState};
-use slamd_core::link::{Link, Reception, Remedy};
-use slamd_core::pipeline::Pipeline;
+use slamd_core::driver::{Driver, Record, Update};
+use slamd_core::event::{Event, FaultKind, Input, SensorState};
+use slamd_core::link::{Link, Remedy};
 use slamd_core::time::Timestamp;
 use slamd_protocol::{DELIMITER, FrameDecoder, Message, Setting};
 
 /// A board under examination: fed as a session is, asked for its findings at the end.
 pub struct Examination {
     config: Config,
-    pipeline: Pipeline,
+    driver: Driver,
     link: Link,
     decoder: FrameDecoder,
-    line: LineEvidence,
+    heard: Heard,
     sensors: SensorEvidence,
     wheels: WheelEvidence,
     clock: ClockEvidence,
     told: [Option<i32>; Setting::ALL.len()],
-    transmit: Vec<Bytes>,
     restarts: u64,
-    now: Timestamp,
+}
+
+/// What comes out of the pipeline.
+struct Heard {
+    line: LineEvidence,
+    transmit: Vec<Bytes>,
 }
 
 impl Examination {
@@ -34,44 +38,57 @@ impl Examination {
     #[must_use]
     pub fn new(config: &Config, baud: u32, port: &str) -> Self {
         let pipeline = slamd_paper::pipeline(config, slamd_core::pipeline::Start::Fresh)
-            .expect("a fresh start holds nothing that could be refused");
+            .expect("a fresh start has no saved state that could be refused");
+        let driver = Driver::new(pipeline);
         let mut link = Link::new(baud);
-        link.opened(Timestamp::default(), port, &reception(&pipeline));
+        link.opened(Timestamp::default(), port, &driver.reception());
         Self {
             config: config.clone(),
-            pipeline,
+            driver,
             link,
             decoder: FrameDecoder::new(),
-            line: LineEvidence::new(baud),
+            heard: Heard { line: LineEvidence::new(baud), transmit: Vec::new() },
             sensors: SensorEvidence::default(),
             wheels: WheelEvidence::default(),
             clock: ClockEvidence::default(),
             told: [None; Setting::ALL.len()],
-            transmit: Vec::new(),
             restarts: 0,
-            now: Timestamp::default(),
         }
     }
 
-    /// Bytes were read; none where the port has been opened again, as a capture says it.
-    pub fn received(&mut self, at: Timestamp, bytes: &[u8]) {
-        self.run_until(at);
-        if bytes.is_empty() {
-            self.decoder.push(DELIMITER);
-            self.wheels.restart();
-            return self.handle(Input::Opened { at: self.now });
+    /// Takes a record of a capture. What was really sent is in it.
+    pub fn feed(&mut self, record: &Record) {
+        match record {
+            Record::Received { at, bytes } => self.received(*at, bytes),
+            Record::Sent { at, bytes } => self.sent(*at, bytes),
+            Record::Opened { at } => self.opened(*at),
+            Record::Truth { .. } => {}
         }
-        self.handle(Input::Received { at: self.now, bytes });
-        self.line.received(self.now, bytes.len());
-        self.link.heard(self.now, bytes, &reception(&self.pipeline));
+        self.heard.transmit.clear();
+    }
+
+    /// The port was opened again.
+    pub fn opened(&mut self, at: Timestamp) {
+        let at = self.run_until(at);
+        self.decoder.push(DELIMITER);
+        self.wheels.restart();
+        self.handle(Input::Opened { at });
+    }
+
+    /// Bytes were read.
+    pub fn received(&mut self, at: Timestamp, bytes: &[u8]) {
+        let at = self.run_until(at);
+        self.handle(Input::Received { at, bytes });
+        self.heard.line.received(at, bytes.len());
+        self.link.heard(at, bytes, &self.driver.reception());
         self.hear_link();
-        let counters = self.pipeline.counters();
+        let counters = self.driver.pipeline().counters();
         if counters.restarts > self.restarts {
             self.restarts = counters.restarts;
             self.wheels.restart();
             self.clock.restart();
             self.sensors.restart();
-            self.line.restart();
+            self.heard.line.restart();
         }
         for &byte in bytes {
             let Some(frame) = self.decoder.push(byte) else { continue };
@@ -83,37 +100,30 @@ impl Examination {
 
     /// Bytes were written.
     pub fn sent(&mut self, at: Timestamp, bytes: &[u8]) {
-        self.run_until(at);
-        self.handle(Input::Sent { at: self.now, bytes });
-        self.clock.sent(self.now, bytes);
+        let at = self.run_until(at);
+        self.handle(Input::Sent { at, bytes });
+        self.clock.sent(at, bytes);
     }
 
-    /// Handles the deadlines up to `at`.
-    pub fn run_until(&mut self, at: Timestamp) {
-        let at = at.max(self.now);
-        loop {
-            let of_link = self.link.deadline();
-            let deadline = of_link.into_iter().fold(self.pipeline.next_deadline(), Ord::min).max(self.now);
-            if deadline > at {
-                self.now = at;
-                return;
-            }
-            self.now = deadline;
-            self.handle(Input::Tick { at: deadline });
-            self.link.tick(deadline, &reception(&self.pipeline));
+    /// Handles the deadlines of the pipeline and of the link up to `at`; gives `at`, or the last input's time where that is later.
+    pub fn run_until(&mut self, at: Timestamp) -> Timestamp {
+        while let Some(deadline) = self.link.deadline().filter(|deadline| *deadline <= at) {
+            let deadline = self.advance(deadline);
+            self.link.tick(deadline, &self.driver.reception());
             self.hear_link();
         }
+        self.advance(at)
     }
 
     /// When [`Examination::run_until`] is next due.
     #[must_use]
     pub fn next_deadline(&self) -> Timestamp {
-        self.link.deadline().into_iter().fold(self.pipeline.next_deadline(), Ord::min)
+        self.link.deadline().into_iter().fold(self.driver.next_deadline(), Ord::min)
     }
 
     /// Frames to be written to the board since the last call.
     pub fn take_transmit(&mut self) -> Vec<Bytes> {
-        std::mem::take(&mut self.transmit)
+        std::mem::take(&mut self.heard.transmit)
     }
 
     /// Another rate at which the port should be listened to.
@@ -127,7 +137,7 @@ impl Examination {
     /// True where a good frame has been received.
     #[must_use]
     pub fn has_frames(&self) -> bool {
-        self.pipeline.counters().frames > 0
+        self.driver.pipeline().counters().frames > 0
     }
 
     /// The board's own value of a setting, where it has told it.
@@ -138,27 +148,27 @@ impl Examination {
     /// What was found, and what each sensor gave.
     #[must_use]
     pub fn findings(&self) -> (Vec<Finding>, Vec<super::SensorStatistics>) {
-        let counters = self.pipeline.counters();
-        let mut findings = self.line.findings(&counters, self.pipeline.board(), self.link.baud());
-        let answers = counters.frames > counters.echoed && !self.pipeline.board().is_refused();
+        let counters = self.driver.pipeline().counters();
+        let mut findings = self.heard.line.findings(&counters, self.driver.pipeline().board(), self.link.baud());
+        let answers = counters.frames > counters.echoed && !self.driver.pipeline().board().is_refused();
         if !answers {
             return (findings, Vec::new());
         }
-        let sensors = match (self.pipeline.board().hello(), self.pipeline.ring()) {
+        let sensors = match (self.driver.pipeline().board().hello(), self.driver.pipeline().ring()) {
             (_, Some(ring)) => ring.len(),
             (Some(hello), None) => usize::from(hello.sensors),
             (None, None) => 0,
         };
-        let statistics = self.sensors.statistics(sensors, self.pipeline.ring());
-        let path_m = self.wheels.path_m(&self.config.robot, self.pipeline.board());
+        let statistics = self.sensors.statistics(sensors, self.driver.pipeline().ring());
+        let path_m = self.wheels.path_m(&self.config.robot, self.driver.pipeline().board());
         findings.extend(self.sensors.findings(
             &statistics,
             path_m,
             self.config.ring.max_range_m,
             self.told(Setting::SlotUs),
         ));
-        findings.extend(noisy(self.pipeline.states()));
-        findings.extend(self.wheels.findings(&self.config.robot, self.pipeline.board(), |setting| {
+        findings.extend(noisy(self.driver.pipeline().states()));
+        findings.extend(self.wheels.findings(&self.config.robot, self.driver.pipeline().board(), |setting| {
             self.told(setting).or_else(|| {
                 self.config.settings().find(|(configured, _)| *configured == setting).map(|(_, value)| value)
             }) == Some(1)
@@ -182,10 +192,12 @@ impl Examination {
             }
             Message::Encoder(encoder) => self.wheels.counts(encoder.t_us, encoder.left_ticks, encoder.right_ticks),
             Message::Status(status) => {
-                self.line.status(status);
+                self.heard.line.status(status);
                 self.sensors.status(status);
             }
-            Message::TimeResponse { token, rx_us, tx_us } => self.clock.answered(self.now, *token, *rx_us, *tx_us),
+            Message::TimeResponse { token, rx_us, tx_us } => {
+                self.clock.answered(self.driver.now(), *token, *rx_us, *tx_us)
+            }
             Message::ConfigValue { key, value } => {
                 let place = usize::from(*key).checked_sub(1).and_then(|place| self.told.get_mut(place));
                 if let Some(place) = place {
@@ -197,19 +209,28 @@ impl Examination {
     }
 
     fn handle(&mut self, input: Input<'_>) {
-        self.pipeline.handle(input);
-        while let Some(output) = self.pipeline.poll_output() {
-            match output {
-                Output::Transmit(frame) => self.transmit.push(frame),
-                Output::Event(Event::BoardTrouble { text, .. }) => self.line.trouble(text),
-                Output::Event(_) => {}
-            }
-        }
+        let Self { driver, heard, .. } = self;
+        driver.handle(input, |_, update| heard.see(update));
+    }
+
+    fn advance(&mut self, at: Timestamp) -> Timestamp {
+        let Self { driver, heard, .. } = self;
+        driver.advance(at, |_, update| heard.see(update))
     }
 
     fn hear_link(&mut self) {
         while let Some(change) = self.link.poll_change() {
-            self.line.link(change);
+            self.heard.line.link(change);
+        }
+    }
+}
+
+impl Heard {
+    fn see(&mut self, update: Update<'_>) {
+        match update {
+            Update::Transmit(frame) => self.transmit.push(frame.clone()),
+            Update::Event(Event::BoardTrouble { text, .. }) => self.line.trouble(text.clone()),
+            Update::Event(_) | Update::Truth(..) | Update::Input => {}
         }
     }
 }
@@ -222,15 +243,4 @@ fn noisy(states: &[SensorState]) -> impl Iterator<Item = Finding> {
         let fix = format!("tighten sensor {sensor}'s plug, give it a capacitor of 10 uF at its supply, or replace it");
         Finding::new(Level::Warning, "sensor.noisy", text, fix)
     })
-}
-
-fn reception(pipeline: &Pipeline) -> Reception<'_> {
-    let counters = pipeline.counters();
-    Reception {
-        frames: counters.frames,
-        groups: counters.groups,
-        restarts: counters.restarts,
-        echoed: counters.echoed,
-        board: pipeline.board(),
-    }
 }

@@ -3,7 +3,7 @@
 use super::finding::{Finding, Level};
 use slamd_core::board::Board;
 use slamd_core::event::Counters;
-use slamd_core::link::{LinkChange, LinkState};
+use slamd_core::link::{LinkCause, LinkChange, LinkState};
 use slamd_core::time::Timestamp;
 use slamd_protocol::Status;
 
@@ -25,7 +25,7 @@ pub(super) struct LineEvidence {
     bytes: u64,
     first_at: Option<Timestamp>,
     last_at: Timestamp,
-    causes: Vec<String>,
+    causes: Vec<LinkCause>,
     troubles: Vec<String>,
     last_status: Option<Status>,
     overruns: u64,
@@ -135,11 +135,10 @@ impl LineEvidence {
         const RESET: &str =
             "name the board's port (`slamd ports`), flash protocol/firmware, and check its supply and its ground wire";
         let cause = self.causes.iter().rev().find(|cause| {
-            !cause.contains("trying other rates")
-                && ["wrong firmware", "noise", "silence"].iter().any(|word| cause.starts_with(word))
+            matches!(cause, LinkCause::WrongFirmware { .. } | LinkCause::NoiseAtAllRates | LinkCause::SilenceAtAllRates)
         });
         let id = match cause {
-            Some(cause) if cause.starts_with("wrong firmware") => "line.firmware",
+            Some(LinkCause::WrongFirmware { .. }) => "line.firmware",
             _ if self.bytes > 0 => "line.noise",
             _ => "line.silence",
         };
@@ -148,7 +147,8 @@ impl LineEvidence {
         } else {
             "silence: nothing arrived".into()
         };
-        match cause.and_then(|cause| cause.rsplit_once(": ")) {
+        let words = cause.map(ToString::to_string);
+        match words.as_ref().and_then(|words| words.rsplit_once(": ")) {
             Some((text, fix)) => Finding::new(Level::Problem, id, text, fix),
             None => Finding::new(Level::Problem, id, otherwise, RESET),
         }

@@ -1,7 +1,7 @@
 //! The map, small: walls as dots, known floor as faint points, the robot as an arrow.
 
 use crate::monitor::canvas::{Dots, Window};
-use crate::monitor::snapshot::Snapshot;
+use crate::monitor::dashboard::Dashboard;
 use crate::monitor::view::{Look, View};
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
@@ -22,9 +22,9 @@ const STEP: f64 = 1.189_207_115_002_721;
 const ZOOM: f64 = std::f64::consts::SQRT_2;
 
 /// The part of the map that is shown: its middle, and the size of a dot in metres.
-pub(super) fn window(area: Rect, snapshot: &Snapshot, view: View) -> (Point, f64) {
-    let robot = snapshot.estimate.map(|estimate| estimate.pose.position()).unwrap_or_default();
-    let (low, high) = snapshot.plan.known.unwrap_or((robot, robot));
+pub(super) fn window(area: Rect, dashboard: &Dashboard, view: View) -> (Point, f64) {
+    let robot = dashboard.session.estimate.map(|estimate| estimate.pose.position()).unwrap_or_default();
+    let (low, high) = dashboard.plan.known.unwrap_or((robot, robot));
     let (width_m, height_m) = ((high.x - low.x).max(FIRST_M), (high.y - low.y).max(FIRST_M));
     let steps = libm::ceil(libm::log(Window::fitting(area, width_m, height_m)) / libm::log(STEP));
     let dot_m = libm::pow(STEP, steps) * libm::pow(ZOOM, -f64::from(view.zoom));
@@ -34,12 +34,12 @@ pub(super) fn window(area: Rect, snapshot: &Snapshot, view: View) -> (Point, f64
 }
 
 /// The map about its middle or about the robot: faint points where the floor is known, walls over them, then the robot.
-pub(super) fn draw(area: Rect, buffer: &mut Buffer, snapshot: &Snapshot, view: View, look: Look) {
-    let (centre, dot_m) = window(area, snapshot, view);
+pub(super) fn draw(area: Rect, buffer: &mut Buffer, dashboard: &Dashboard, view: View, look: Look) {
+    let (centre, dot_m) = window(area, dashboard, view);
     let window = Window::new(area, centre, dot_m);
     let (mut walls, mut floor) = (Vec::new(), Vec::new());
     for (dot, point) in window.dots() {
-        match highest(&snapshot.plan.raster, point, dot_m) {
+        match highest(&dashboard.plan.raster, point, dot_m) {
             WALL.. => walls.push(dot),
             0..=FLOOR => floor.push(dot),
             _ => {}
@@ -51,7 +51,7 @@ pub(super) fn draw(area: Rect, buffer: &mut Buffer, snapshot: &Snapshot, view: V
         let dots = Dots { dots: &dots, marker, colour: look.colour(colour) };
         window.draw(buffer, marker, |canvas| canvas.draw(&dots));
     }
-    if let Some(estimate) = &snapshot.estimate {
+    if let Some(estimate) = &dashboard.session.estimate {
         let style = look.ink(Color::Cyan).add_modifier(Modifier::BOLD);
         window.label(buffer, estimate.pose.position(), arrow(estimate.pose, look), style);
     }
@@ -95,7 +95,7 @@ fn arrow(pose: Pose2, look: Look) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::monitor::snapshot::Plan;
+    use crate::monitor::dashboard::Plan;
     use std::sync::Arc;
 
     fn plan() -> Raster {
@@ -118,12 +118,12 @@ mod tests {
 
     #[test]
     fn the_known_part_is_shown_whole_until_it_is_zoomed() {
-        let snapshot = Snapshot { plan: Arc::new(Plan::new(plan())), ..Snapshot::default() };
+        let dashboard = Dashboard { plan: Arc::new(Plan::new(plan())), ..Dashboard::default() };
         let area = Rect::new(0, 0, 30, 10);
-        let (centre, dot_m) = window(area, &snapshot, View::default());
+        let (centre, dot_m) = window(area, &dashboard, View::default());
         assert!(60.0 * dot_m >= 10.0 && 60.0 * dot_m < 10.0 * STEP * STEP, "{dot_m}");
         assert!(centre.x.abs() <= dot_m && (centre.y - 0.05).abs() <= dot_m);
-        let (_, nearer) = window(area, &snapshot, View { zoom: 2, ..View::default() });
+        let (_, nearer) = window(area, &dashboard, View { zoom: 2, ..View::default() });
         assert!((dot_m / nearer - 2.0).abs() < 1e-9);
     }
 }

@@ -1,4 +1,4 @@
-//! The terminal view of a session: a [`Snapshot`] in, cells of a screen out.
+//! The terminal view of a session: a [`Dashboard`] in, cells of a screen out.
 //!
 //! ```text
 //! title · link and its cause
@@ -10,14 +10,14 @@
 //! Pure drawing: no terminal, no clock, no thread; `src/cli/monitor/` has those.
 
 mod canvas;
+mod dashboard;
 mod map;
 mod numbers;
 mod ring;
 mod screen;
-mod snapshot;
 mod view;
 
+pub use dashboard::{Dashboard, Line, Plan, Tone};
 pub use screen::{MIN_HEIGHT, MIN_WIDTH, draw};
 pub use slamd_core::rates::{RateMeter, Rates};
-pub use snapshot::{Beam, BeamState, Line, Plan, Snapshot, Tone};
 pub use view::{Look, View};

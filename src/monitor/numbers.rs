@@ -1,14 +1,14 @@
 //! Rates, pose and wheels in numbers.
 
-use crate::monitor::snapshot::{Snapshot, Tone};
+use crate::monitor::dashboard::{Dashboard, Tone};
 use crate::monitor::view::Look;
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 use slamd_core::event::{EncoderState, Wheel};
 
 /// Eleven lines of at most 26 characters.
-pub(super) fn lines(snapshot: &Snapshot, look: Look) -> Vec<Line<'static>> {
-    let (rates, counters) = (&snapshot.rates, &snapshot.counters);
+pub(super) fn lines(dashboard: &Dashboard, look: Look) -> Vec<Line<'static>> {
+    let (rates, counters) = (&dashboard.rates, &dashboard.session.counters);
     let mut lines = vec![
         rate("sweeps", rates.sweeps, counters.sweeps, look),
         rate("frames", rates.frames, counters.frames, look),
@@ -16,8 +16,8 @@ pub(super) fn lines(snapshot: &Snapshot, look: Look) -> Vec<Line<'static>> {
         trouble("lost fr", rates.lost_frames, counters.lost_frames, look),
         trouble("drops", rates.dropped_sweeps, counters.dropped_sweeps, look),
     ];
-    lines.extend(pose(snapshot, look));
-    lines.extend(wheels(snapshot, look));
+    lines.extend(pose(dashboard, look));
+    lines.extend(wheels(dashboard, look));
     lines
 }
 
@@ -42,8 +42,8 @@ fn short(count: u64) -> String {
     }
 }
 
-fn pose(snapshot: &Snapshot, look: Look) -> Vec<Line<'static>> {
-    let Some(estimate) = &snapshot.estimate else {
+fn pose(dashboard: &Dashboard, look: Look) -> Vec<Line<'static>> {
+    let Some(estimate) = &dashboard.session.estimate else {
         return ["x", "y", "heading"].map(|name| value(name, "not known yet".into(), look)).into();
     };
     let sigma = |axis: usize| libm::sqrt(estimate.covariance[(axis, axis)].max(0.0));
@@ -54,25 +54,25 @@ fn pose(snapshot: &Snapshot, look: Look) -> Vec<Line<'static>> {
     vec![value("x", metres(pose.x_m, 0), look), value("y", metres(pose.y_m, 1), look), value("heading", heading, look)]
 }
 
-fn wheels(snapshot: &Snapshot, look: Look) -> Vec<Line<'static>> {
-    let Some(wheels) = &snapshot.calibration else {
+fn wheels(dashboard: &Dashboard, look: Look) -> Vec<Line<'static>> {
+    let Some(wheels) = &dashboard.session.calibration else {
         return vec![value("wheels", "not learnt".into(), look)];
     };
     let sign = look.plus_minus();
     vec![
-        encoders(snapshot, look),
+        encoders(dashboard, look),
         value("ratio", format!("{:.4} {sign} {:.4}", wheels.wheel_ratio, wheels.wheel_ratio_sigma), look),
         value("base", format!("{:.4} {sign} {:.4} m", wheels.wheel_base_m, wheels.wheel_base_sigma_m), look),
     ]
 }
 
 /// A heading, or instead of it the encoder that is broken.
-fn encoders(snapshot: &Snapshot, look: Look) -> Line<'static> {
-    let broken = |wheel: usize| snapshot.encoders[wheel] != EncoderState::Healthy;
+fn encoders(dashboard: &Dashboard, look: Look) -> Line<'static> {
+    let broken = |wheel: usize| dashboard.session.encoders[wheel] != EncoderState::Healthy;
     (0..2).find(|&wheel| broken(wheel)).map_or_else(
         || Line::styled("wheels, right to left", look.faint()),
         |wheel| {
-            let (word, state) = (Wheel::BOTH[wheel].word(), snapshot.encoders[wheel].word());
+            let (word, state) = (Wheel::BOTH[wheel].word(), dashboard.session.encoders[wheel].word());
             Line::styled(format!("{word} encoder {state}"), look.tone(Tone::Bad))
         },
     )

@@ -1,7 +1,7 @@
 //! The ring from above, the robot's front up: a ray per sensor, as long as its range.
 
 use crate::monitor::canvas::Window;
-use crate::monitor::snapshot::{Beam, BeamState, Snapshot};
+use crate::monitor::dashboard::{Beam, BeamState, Dashboard};
 use crate::monitor::view::Look;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
@@ -18,27 +18,28 @@ const RIM: f64 = 1.15;
 const INNER: f64 = 0.8;
 
 /// The last sweep. A faulty sensor has its number at the rim, a silent one a question mark.
-pub(super) fn draw(area: Rect, buffer: &mut Buffer, snapshot: &Snapshot, look: Look) {
-    if snapshot.beams.is_empty() {
+pub(super) fn draw(area: Rect, buffer: &mut Buffer, dashboard: &Dashboard, look: Look) {
+    let beams: Vec<Beam> = dashboard.beams().collect();
+    if beams.is_empty() {
         let words = "no ring is known yet";
         let x = area.x + area.width.saturating_sub(20) / 2;
         buffer.set_stringn(x, area.y + area.height / 2, words, usize::from(area.width), look.faint());
         return;
     }
-    let reach_m = snapshot.beams.iter().map(|beam| beam.robot_from_sensor.position().coords.norm()).fold(0.0, f64::max)
-        + snapshot.max_range_m;
+    let reach_m = beams.iter().map(|beam| beam.robot_from_sensor.position().coords.norm()).fold(0.0, f64::max)
+        + dashboard.max_range_m;
     let side_m = 2.0 * RIM * reach_m;
     let dot_m = Window::fitting(area, side_m, side_m);
     let window = Window::new(area, Point::origin(), dot_m);
     // What matters more is drawn later, over the rest.
     window.draw(buffer, look.marker('*'), |canvas| {
         for state in [BeamState::Healthy, BeamState::Silent, BeamState::Faulty] {
-            for beam in snapshot.beams.iter().filter(|beam| beam.state == state) {
-                ray(canvas, beam, snapshot.max_range_m, look);
+            for beam in beams.iter().filter(|beam| beam.state == state) {
+                ray(canvas, beam, dashboard.max_range_m, look);
             }
         }
     });
-    for (sensor, beam) in snapshot.beams.iter().enumerate() {
+    for (sensor, beam) in beams.iter().enumerate() {
         let rim = UP * beam.robot_from_sensor;
         // Numbers of neighbours stand in two rows, so that they do not hide each other.
         let from_centre_m = reach_m * if sensor % 2 == 0 { 0.5 * (1.0 + RIM) } else { INNER };
@@ -78,8 +79,8 @@ fn ray(canvas: &mut Context<'_>, beam: &Beam, max_range_m: f64, look: Look) {
 }
 
 /// How many are of which state, for the frame.
-pub(super) fn census(beams: &[Beam]) -> String {
-    let count = |state| beams.iter().filter(|beam| beam.state == state).count();
+pub(super) fn census(dashboard: &Dashboard) -> String {
+    let count = |state| dashboard.beams().filter(|beam| beam.state == state).count();
     let (healthy, faulty, silent) = (count(BeamState::Healthy), count(BeamState::Faulty), count(BeamState::Silent));
     format!("ok {healthy} bad {faulty} silent {silent}")
 }

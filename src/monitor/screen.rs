@@ -1,6 +1,6 @@
 //! The layout of the screen.
 
-use crate::monitor::snapshot::{Snapshot, Tone};
+use crate::monitor::dashboard::{Dashboard, Tone};
 use crate::monitor::view::{Look, View};
 use crate::monitor::{map, numbers, ring};
 use ratatui::buffer::Buffer;
@@ -24,7 +24,7 @@ const NUMBERS: u16 = 28;
 const FRAME: u16 = 2;
 
 /// Draws one picture over the whole area. `log` is the last lines of the log, oldest first.
-pub fn draw(area: Rect, buffer: &mut Buffer, snapshot: &Snapshot, log: &[String], view: View, look: Look) {
+pub fn draw(area: Rect, buffer: &mut Buffer, dashboard: &Dashboard, log: &[String], view: View, look: Look) {
     if area.width < MIN_WIDTH || area.height < MIN_HEIGHT {
         let words = format!(
             "This terminal has {} columns and {} rows; slamd monitor needs {MIN_WIDTH} and {MIN_HEIGHT}. q quits.",
@@ -42,16 +42,16 @@ pub fn draw(area: Rect, buffer: &mut Buffer, snapshot: &Snapshot, log: &[String]
     let [left, middle, right] = Layout::horizontal(columns).areas(pictures);
     let [faults, lines] = Layout::horizontal([Constraint::Ratio(1, 2); 2]).areas(words);
 
-    title(head, buffer, snapshot, view, look);
-    let inside = frame(left, buffer, "ring, front up", &ring::census(&snapshot.beams), look);
-    ring::draw(inside, buffer, snapshot, look);
+    title(head, buffer, dashboard, view, look);
+    let inside = frame(left, buffer, "ring, front up", &ring::census(dashboard), look);
+    ring::draw(inside, buffer, dashboard, look);
     let inside = frame(middle, buffer, "rates, pose, wheels", "", look);
-    Paragraph::new(numbers::lines(snapshot, look)).render(inside, buffer);
+    Paragraph::new(numbers::lines(dashboard, look)).render(inside, buffer);
     let about = if view.follow { "map about the robot" } else { "map" };
-    let inside = frame(right, buffer, about, &width_in_words(right, snapshot, view), look);
-    map::draw(inside, buffer, snapshot, view, look);
-    let inside = frame(faults, buffer, &format!("faulty sensors: {}", snapshot.faults.len()), "", look);
-    reasons(inside, buffer, snapshot, look);
+    let inside = frame(right, buffer, about, &width_in_words(right, dashboard, view), look);
+    map::draw(inside, buffer, dashboard, view, look);
+    let inside = frame(faults, buffer, &format!("faulty sensors: {}", dashboard.session.faulty().count()), "", look);
+    reasons(inside, buffer, dashboard, look);
     let inside = frame(lines, buffer, "log", "", look);
     tail(inside, buffer, log, look);
     let keys_told = if view.help { ALL_KEYS } else { FEW_KEYS };
@@ -76,16 +76,16 @@ fn frame(area: Rect, buffer: &mut Buffer, above: &str, below: &str, look: Look) 
     inside
 }
 
-fn title(area: Rect, buffer: &mut Buffer, snapshot: &Snapshot, view: View, look: Look) {
-    let whole = snapshot.at.us() / 1_000_000;
+fn title(area: Rect, buffer: &mut Buffer, dashboard: &Dashboard, view: View, look: Look) {
+    let whole = dashboard.session.at.us() / 1_000_000;
     let clock = format!("{}:{:02}:{:02}", whole / 3600, whole / 60 % 60, whole % 60);
-    let robot = look.text(&snapshot.robot);
+    let robot = look.text(&dashboard.session.robot);
     let mut first =
         vec![Span::styled(" slamd monitor", look.tone(Tone::Good)), Span::raw(format!("  {robot}  {clock}"))];
     if view.paused {
         first.push(Span::styled("  paused: p goes on", look.tone(Tone::Busy)));
     }
-    let line = &snapshot.line;
+    let line = &dashboard.line;
     let second = Line::from(vec![
         Span::styled(format!(" {} ", line.word), look.tone(line.tone).add_modifier(Modifier::REVERSED)),
         Span::raw(format!(" {}", look.text(&line.cause))),
@@ -94,19 +94,19 @@ fn title(area: Rect, buffer: &mut Buffer, snapshot: &Snapshot, view: View, look:
 }
 
 /// How wide the shown part of the map is.
-fn width_in_words(area: Rect, snapshot: &Snapshot, view: View) -> String {
+fn width_in_words(area: Rect, dashboard: &Dashboard, view: View) -> String {
     let inside = area.inner(ratatui::layout::Margin::new(1, 1));
-    let (_, dot_m) = map::window(inside, snapshot, view);
+    let (_, dot_m) = map::window(inside, dashboard, view);
     format!("{:.1} m wide", dot_m * 2.0 * f64::from(inside.width))
 }
 
 /// Which sensors are ignored and why, newest first, and how many did not fit.
-fn reasons(area: Rect, buffer: &mut Buffer, snapshot: &Snapshot, look: Look) {
-    if snapshot.faults.is_empty() {
+fn reasons(area: Rect, buffer: &mut Buffer, dashboard: &Dashboard, look: Look) {
+    let mut faults: Vec<_> = dashboard.session.faulty().collect();
+    if faults.is_empty() {
         buffer.set_stringn(area.x, area.y, "none", usize::from(area.width), look.faint());
         return;
     }
-    let mut faults: Vec<_> = snapshot.faults.iter().collect();
     faults.sort_by_key(|fault| std::cmp::Reverse(fault.at));
     let red = look.ink(Color::Red);
     let whole: Vec<String> =

@@ -1,6 +1,6 @@
 //! How it is shown: what the terminal can do, and what the user has chosen with the keys.
 
-use crate::monitor::snapshot::Tone;
+use crate::monitor::dashboard::Tone;
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::symbols::{Marker, border};
 

@@ -1,12 +1,12 @@
 //! What the broker has been told on this connection: only what is new is told again.
 
 use bytes::Bytes;
-use rustc_hash::FxHashMap;
+use std::collections::BTreeMap;
 
 /// The payload last told, by topic.
 #[derive(Debug, Default)]
 pub(super) struct Bulletin {
-    told: FxHashMap<String, Bytes>,
+    told: BTreeMap<String, Bytes>,
     /// Messages for which there was no room. They are not lost: the next snapshot has newer ones.
     pub(super) dropped: u64,
 }

@@ -1,6 +1,6 @@
 //! The messages by which Home Assistant finds the robot: one device with its map, pose, link and sensors.
 //!
-//! <https://www.home-assistant.io/integrations/mqtt/#mqtt-discovery>; `tests/mqtt.rs` has the keys that it demands.
+//! <https://www.home-assistant.io/integrations/mqtt/#mqtt-discovery>; `tests/doors/mqtt.rs` has the keys that it demands.
 
 use super::names::Names;
 use serde_json::{Value, json};

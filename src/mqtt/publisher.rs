@@ -5,7 +5,7 @@ use super::bulletin::Bulletin;
 use super::discovery::discovery;
 use super::names::Names;
 use super::password::Password;
-use super::snapshot::snapshot;
+use super::snapshot::messages;
 use crate::api::{Mailbox, Snapshot, Tap};
 use crate::priority;
 use bytes::Bytes;
@@ -34,7 +34,7 @@ pub struct Account {
 
 /// Publishes a session, from a thread of its own, until it is dropped.
 #[derive(Debug)]
-pub struct Post {
+pub struct MqttThread {
     mailbox: Arc<Mailbox>,
     end: Option<oneshot::Sender<()>>,
     thread: Option<JoinHandle<()>>,
@@ -59,7 +59,7 @@ const ROOM: usize = 256;
 /// A picture is well below.
 const LARGEST_BYTES: usize = 8 << 20;
 
-impl Post {
+impl MqttThread {
     /// Begins to publish the session of the robot of this name.
     ///
     /// # Errors
@@ -98,7 +98,7 @@ impl Post {
     }
 }
 
-impl Drop for Post {
+impl Drop for MqttThread {
     fn drop(&mut self) {
         self.end.take();
         if let Some(thread) = self.thread.take() {
@@ -226,7 +226,7 @@ impl MqttPublisher {
             self.publish_at(topic, payload.into());
         }
         self.publish("availability", "online".into());
-        for (topic, payload) in snapshot(&self.names, snapshot) {
+        for (topic, payload) in messages(&self.names, snapshot) {
             self.publish_at(topic, payload.into());
         }
         if let Some(raster) = map.filter(|raster| !raster.occupancy.is_empty()) {

@@ -1,12 +1,12 @@
 //! A snapshot of the session as topics and payloads.
 
 use super::names::Names;
-use crate::api::Snapshot;
 use serde_json::json;
 use slamd_core::event::{FaultEvent, SensorState};
+use slamd_core::snapshot::Snapshot;
 
 /// Topic and payload of all that is known at this snapshot, the map apart.
-pub(super) fn snapshot(names: &Names, snapshot: &Snapshot) -> Vec<(String, String)> {
+pub(super) fn messages(names: &Names, snapshot: &Snapshot) -> Vec<(String, String)> {
     let mut messages = vec![
         (names.topic("link"), snapshot.link.word().to_owned()),
         (names.topic("link/attributes"), json!({ "cause": snapshot.cause }).to_string()),
@@ -61,7 +61,7 @@ mod tests {
     fn what_is_not_known_is_not_said_and_the_rest_in_plain_words() {
         let names = Names::new("robot");
         let mut snapshot = Snapshot { cause: "port missing".into(), ..Snapshot::default() };
-        let told = snapshot(&names, &snapshot);
+        let told = messages(&names, &snapshot);
         assert_eq!(told[0], ("slamd/robot/link".into(), "searching".into()));
         assert_eq!(told[1].1, r#"{"cause":"port missing"}"#);
         assert_eq!(told.len(), 2);
@@ -78,7 +78,7 @@ mod tests {
             odometry: Pose2::default(),
             nis: 1.0,
         });
-        let told: Vec<_> = snapshot(&names, &snapshot).into_iter().skip(2).collect();
+        let told: Vec<_> = messages(&names, &snapshot).into_iter().skip(2).collect();
         let expected = [
             ("pose", r#"{"heading_deg":60.0,"x_m":1.23,"y_m":0.0}"#),
             ("position_uncertain", "ON"),

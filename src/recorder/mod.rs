@@ -24,19 +24,36 @@ use std::time::Duration;
 /// What is recorded.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Chunk {
-    /// Bytes read; none where the port was opened again.
+    /// Bytes read.
     Received(Timestamp, Bytes),
     /// Bytes written.
     Sent(Timestamp, Bytes),
+    /// The port was opened again.
+    Opened(Timestamp),
 }
 
 impl Chunk {
-    /// When, and which bytes.
+    /// When it happened.
     #[must_use]
-    pub const fn parts(&self) -> (Timestamp, &Bytes) {
+    pub const fn at(&self) -> Timestamp {
         match self {
-            Self::Received(at, bytes) | Self::Sent(at, bytes) => (*at, bytes),
+            Self::Received(at, _) | Self::Sent(at, _) | Self::Opened(at) => *at,
         }
+    }
+
+    /// Its length in bytes.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Received(_, bytes) | Self::Sent(_, bytes) => bytes.len(),
+            Self::Opened(_) => 0,
+        }
+    }
+
+    /// True where it has no bytes.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
     }
 }
 
@@ -75,7 +92,7 @@ impl Recorder {
 
     /// Records a chunk; one that the queue has no room for is counted as lost.
     pub fn record(&mut self, chunk: Chunk) {
-        let (at, _) = chunk.parts();
+        let at = chunk.at();
         if self.queue.try_send(chunk).is_ok() {
             return;
         }

@@ -112,8 +112,8 @@ impl<D: Disk> Tape<D> {
 
     /// Records a chunk. Its time is not before that of the one in front of it.
     pub fn push(&mut self, chunk: Chunk) {
-        let (at, bytes) = chunk.parts();
-        let size = bytes.len() + OVERHEAD;
+        let at = chunk.at();
+        let size = chunk.len() + OVERHEAD;
         if self.waiting_bytes + size > MAX_WAITING {
             self.lost += 1;
         } else {
@@ -187,12 +187,12 @@ impl<D: Disk> Tape<D> {
         self.room()?;
         self.part.drain()?;
         while let Some(chunk) = self.waiting.front() {
-            let (at, bytes) = chunk.parts();
+            let at = chunk.at();
             if self.is_full(at) {
                 self.turn(at)?;
                 continue;
             }
-            self.waiting_bytes -= bytes.len() + OVERHEAD;
+            self.waiting_bytes -= chunk.len() + OVERHEAD;
             if let Some(chunk) = self.waiting.pop_front() {
                 self.part.encode(&chunk)?;
             }
@@ -301,6 +301,7 @@ impl<F: Write> Part<F> {
         match chunk {
             Chunk::Received(at, bytes) => self.writer.received(*at, bytes),
             Chunk::Sent(at, bytes) => self.writer.sent(*at, bytes),
+            Chunk::Opened(at) => self.writer.opened(*at),
         }
         .map_err(io::Error::other)?;
         self.open = if self.memory.len() > closed { 1 } else { self.open + 1 };

@@ -10,8 +10,9 @@ mod status;
 
 pub use feeder::Feeder;
 
-use crate::source::session::Session;
+use crate::source::session::{Session, copy_state};
 use slamd_core::link::Link;
+use slamd_core::snapshot::Snapshot;
 use slamd_core::time::Timestamp;
 use socket::Socket;
 use status::write_status;
@@ -23,6 +24,8 @@ pub struct Service {
     socket: Socket,
     begin: Instant,
     feeder: Option<Feeder>,
+    /// Filled in place, so that a look allocates nothing.
+    snapshot: Snapshot,
     /// What was said last, and what is to be said now: kept, so that a look allocates nothing.
     said: String,
     now: String,
@@ -47,7 +50,15 @@ impl Service {
         };
         let begin = Instant::now();
         let feeder = watchdog().map(Feeder::new);
-        Some(Self { socket, begin, feeder, said: String::new(), now: String::new(), is_up: false })
+        Some(Self {
+            socket,
+            begin,
+            feeder,
+            snapshot: Snapshot::default(),
+            said: String::new(),
+            now: String::new(),
+            is_up: false,
+        })
     }
 
     /// The loop has gone round: tells what is new, and feeds the watchdog where that is due. It never waits; what the service manager had no
@@ -56,7 +67,8 @@ impl Service {
         self.now.clear();
         self.now.push_str(if self.is_up { "" } else { "READY=1\n" });
         self.now.push_str("STATUS=");
-        write_status(&mut self.now, link, session);
+        copy_state(&mut self.snapshot, link, session);
+        write_status(&mut self.now, &self.snapshot);
         if self.now != self.said && self.socket.send(&self.now) {
             if !self.is_up {
                 self.is_up = true;

@@ -1,24 +1,22 @@
-//! How it fares, in a line for `systemctl status`.
+//! The session's state in one line, for `systemctl status`.
 
-use crate::source::session::Session;
-use slamd_core::link::{Link, LinkState};
+use slamd_core::link::LinkState;
+use slamd_core::snapshot::Snapshot;
 use std::fmt::Write as _;
 
-/// Appends the line: `streaming, 32 sensors, 3 faulty`, or the line's state and why.
-pub(super) fn write_status(text: &mut String, link: &Link, session: Option<&Session>) {
-    text.push_str(link.state().word());
-    if link.state() != LinkState::Streaming && !link.cause().is_empty() {
+/// Appends the line: `streaming, 32 sensors, 3 faulty`, or the link's state and cause.
+pub(super) fn write_status(text: &mut String, snapshot: &Snapshot) {
+    text.push_str(snapshot.link.word());
+    if snapshot.link != LinkState::Streaming && !snapshot.cause.is_empty() {
         text.push_str(": ");
-        // What a board says of itself may be in it; a message has lines.
-        text.extend(link.cause().chars().filter(|c| !c.is_control()));
+        // It may hold text from the board, and a message ends at a line feed.
+        text.extend(snapshot.cause.chars().filter(|c| !c.is_control()));
     }
-    let Some(session) = session else { return };
-    let faulty = session.faulty().count();
-    if let Some(ring) = session.pipeline().ring() {
-        // Nothing can go wrong where a string is written to.
-        let _ = write!(text, ", {} sensors, {faulty} faulty", ring.len());
+    if !snapshot.ring.mountings.is_empty() {
+        // Writing to a string cannot fail.
+        let _ = write!(text, ", {} sensors, {} faulty", snapshot.ring.len(), snapshot.faulty().count());
     }
-    if session.is_lost() {
+    if snapshot.is_lost {
         text.push_str(", position uncertain");
     }
 }

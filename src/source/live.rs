@@ -2,7 +2,7 @@
 //!
 //! A state machine around the session and the link: what was read and written, hang-ups, deadlines and their times go in; frames to be
 //! written, chunks to be recorded and what to do to the port come out. The daemon is the loop around it on a real port and a real clock;
-//! `tests/simulation.rs` has one on a simulated port and a simulated clock.
+//! `tests/wire/simulation.rs` has one on a simulated port and a simulated clock.
 
 use super::session::Session;
 use crate::recorder::Chunk;
@@ -97,10 +97,10 @@ impl<'a> LiveSession<'a> {
     pub fn reopened(&mut self, port: String, now: Timestamp) -> Chunk {
         let at = self.session.run_until(now);
         self.session.take_transmit();
-        self.session.received(at, &[]);
+        self.session.opened(at);
         self.port = port;
         self.link.opened(at, &self.port, &self.session.reception());
-        Chunk::Received(at, Bytes::new())
+        Chunk::Opened(at)
     }
 
     /// The port's name.

@@ -15,7 +15,7 @@ pub enum ReplayError {
     Publish(#[from] WriteError),
 }
 
-/// Feeds a whole capture to a session, and ends it. `progress` hears of each record's time in seconds.
+/// Feeds a whole capture to a session, and ends it. `progress` gets each record's time in seconds.
 ///
 /// # Errors
 /// When the capture cannot be read or an output cannot be written.
@@ -23,7 +23,7 @@ pub fn replay(capture: &mut CaptureReader, session: &mut Session, progress: impl
     for record in capture {
         let record = record?;
         progress(record.at().seconds());
-        step(session, record)?;
+        step(session, &record)?;
     }
     session.end();
     Ok(())
@@ -33,12 +33,8 @@ pub fn replay(capture: &mut CaptureReader, session: &mut Session, progress: impl
 ///
 /// # Errors
 /// When an output cannot be written.
-pub fn step(session: &mut Session, record: Record) -> Result<(), WriteError> {
-    match record {
-        Record::Received { at, bytes } => session.received(at, &bytes),
-        Record::Sent { at, bytes } => session.sent(at, &bytes),
-        Record::Truth { at, pose } => session.truth(at, pose)?,
-    }
+pub fn step(session: &mut Session, record: &Record) -> Result<(), WriteError> {
+    session.feed(record)?;
     // What was really sent is in the capture.
     session.take_transmit();
     Ok(())

@@ -1,40 +1,42 @@
-//! One session: a pipeline, its outputs, and the order in which inputs reach it.
+//! One session: a driver, its output folder and its log.
 //!
-//! Before any input at time t, every deadline up to t is handled at the deadline's own time. So what the pipeline sees
-//! depends on what was read and written and when, never on when a timer fired: a recording replays bit for bit.
+//! [`slamd_core::driver`] keeps the order of deadlines and inputs, so that a recording replays bit for bit.
 
+use super::event_log::EventLog;
 use bytes::Bytes;
 use slamd_core::config::Config;
-use slamd_core::driver::{Context, Update, Watcher};
-use slamd_core::event::{
-    EncoderState, Estimate, Event, FaultEvent, Input, LockChange, LockEvent, Output, PositionEvent, SensorState, Wheel,
-};
+use slamd_core::driver::{Context, Driver, Record, Update, Watcher};
+use slamd_core::event::{Event, FaultEvent, Input};
 use slamd_core::geometry::{Pose2, Ring};
-use slamd_core::link::Reception;
+use slamd_core::link::{Link, Reception};
 use slamd_core::pipeline::Pipeline;
 use slamd_core::saved_state::SavedState;
-use slamd_core::session_clock::SessionClock;
+use slamd_core::snapshot::{SessionState, Snapshot};
 use slamd_core::sweep::Sweep;
 use slamd_core::time::Timestamp;
 use slamd_metrics::TrueFault;
 use slamd_publish::{FinalState, Outputs, Summary, WriteError};
 use std::path::Path;
-use std::time::Duration;
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
 
-/// A pipeline and where its events go.
+/// A driver and what observes it.
 pub struct Session {
-    pipeline: Pipeline,
+    driver: Driver,
+    observers: Observers,
+}
+
+/// Everything that sees the updates of a session.
+struct Observers {
     outputs: Outputs,
+    state: SessionState,
+    log: EventLog,
+    watcher: Option<Watcher>,
     transmit: Vec<Bytes>,
-    /// The last change of each sensor's state.
-    changes: Vec<Option<FaultEvent>>,
-    is_lost: bool,
-    encoders: [EncoderState; 2],
-    estimate: Option<Estimate>,
+    /// Poses that the current input has brought.
+    poses: u32,
     /// Whether the last input brought a pose.
     has_posed: bool,
-    clock: SessionClock,
-    watcher: Option<Watcher>,
 }
 
 impl Session {
@@ -43,73 +45,87 @@ impl Session {
     /// # Errors
     /// When the folder or a file in it cannot be created.
     pub fn new(pipeline: Pipeline, folder: &Path) -> Result<Self, WriteError> {
-        let outputs = Outputs::create(folder)?;
-        Ok(Self {
-            pipeline,
-            outputs,
-            transmit: Vec::new(),
-            changes: Vec::new(),
-            is_lost: false,
-            encoders: [EncoderState::Healthy; 2],
-            estimate: None,
-            has_posed: false,
-            clock: SessionClock::default(),
+        let observers = Observers {
+            outputs: Outputs::create(folder)?,
+            state: SessionState::default(),
+            log: EventLog::default(),
             watcher: None,
-        })
+            transmit: Vec::new(),
+            poses: 0,
+            has_posed: false,
+        };
+        Ok(Self { driver: Driver::new(pipeline).with_stopwatch(stopwatch), observers })
     }
 
-    /// Lets somebody watch.
+    /// Adds a watcher.
     pub fn watch(&mut self, watcher: Watcher) {
-        self.watcher = Some(watcher);
+        self.observers.watcher = Some(watcher);
     }
 
     /// Keeps each sweep for [`Session::take_sweeps`].
     pub fn keep_sweeps(&mut self) {
-        self.pipeline.keep_sweeps();
+        self.driver.keep_sweeps();
     }
 
     /// The sweeps since the last call, where they are kept.
     pub fn take_sweeps(&mut self) -> Vec<Sweep> {
-        self.pipeline.take_sweeps()
+        self.driver.take_sweeps()
     }
 
     /// Everything worth remembering; none before there is something.
     #[must_use]
     pub fn saved_state(&self) -> Option<SavedState> {
-        self.pipeline.saved_state()
+        self.pipeline().saved_state()
     }
 
     /// The configuration with the wheels as this session has learnt them; none where the method learns none.
     #[must_use]
     pub fn calibrated(&self) -> Option<Config> {
-        let mut config = self.pipeline.config().clone();
-        config.robot.set_wheels(&self.pipeline.calibration()?);
+        let mut config = self.pipeline().config().clone();
+        config.robot.set_wheels(&self.pipeline().calibration()?);
         Some(config)
     }
 
     /// What truly fails, where somebody knows it.
     pub fn true_faults(&mut self, faults: Vec<TrueFault>) {
-        self.outputs.true_faults(faults);
+        self.observers.outputs.true_faults(faults);
     }
 
-    /// Bytes were read; none where the port has been opened again, as a capture says it.
+    /// Takes a record of a capture.
+    ///
+    /// # Errors
+    /// When `truth.tum` cannot be created.
+    pub fn feed(&mut self, record: &Record) -> Result<(), WriteError> {
+        if let Record::Truth { at, pose } = record {
+            return self.truth(*at, *pose);
+        }
+        let Self { driver, observers } = self;
+        driver.feed(record, |context, update| observers.see(context, update));
+        Ok(())
+    }
+
+    /// Bytes were read.
     pub fn received(&mut self, at: Timestamp, bytes: &[u8]) {
-        let at = self.run_until(at);
-        self.handle(if bytes.is_empty() { Input::Opened { at } } else { Input::Received { at, bytes } });
+        self.handle(Input::Received { at, bytes });
+    }
+
+    /// The port was opened again.
+    pub fn opened(&mut self, at: Timestamp) {
+        self.handle(Input::Opened { at });
     }
 
     /// The last input's last byte was read `elapsed` ago: how late its pose is, if it brought one.
     pub fn delay(&mut self, elapsed: Duration) {
-        if self.has_posed {
-            self.outputs.delay(elapsed);
+        if self.observers.has_posed {
+            self.observers.outputs.delay(elapsed);
         }
     }
 
-    /// How it fares, in a line.
+    /// Counts and latency, in a line.
     #[must_use]
     pub fn statistics(&self) -> String {
-        let counters = self.pipeline.counters();
-        let latency = self.outputs.latency().map_or_else(String::new, |latency| format!("; {latency}"));
+        let counters = self.pipeline().counters();
+        let latency = self.observers.outputs.latency().map_or_else(String::new, |latency| format!("; {latency}"));
         format!(
             "{} sweeps, {} dropped; {} frames, {} lost, {} CRC errors{latency}",
             counters.sweeps, counters.dropped_sweeps, counters.frames, counters.lost_frames, counters.crc_errors
@@ -118,7 +134,6 @@ impl Session {
 
     /// Bytes were written.
     pub fn sent(&mut self, at: Timestamp, bytes: &[u8]) {
-        let at = self.run_until(at);
         self.handle(Input::Sent { at, bytes });
     }
 
@@ -127,93 +142,67 @@ impl Session {
     /// # Errors
     /// When `truth.tum` cannot be created.
     pub fn truth(&mut self, at: Timestamp, pose: Pose2) -> Result<(), WriteError> {
-        self.show(Update::Truth(at, pose), Duration::ZERO);
-        self.outputs.truth(at, pose)
+        let Self { driver, observers } = self;
+        driver.feed(&Record::Truth { at, pose }, |context, update| observers.see(context, update));
+        observers.outputs.truth(at, pose)
     }
 
     /// Handles the deadlines up to `at`; gives `at`, or the last input's time where that is later.
     pub fn run_until(&mut self, at: Timestamp) -> Timestamp {
-        let at = self.clock.approach(at);
-        while let Some(deadline) = self.clock.due(at, self.pipeline.next_deadline()) {
-            self.handle(Input::Tick { at: deadline });
-        }
-        at
+        let Self { driver, observers } = self;
+        driver.advance(at, |context, update| observers.see(context, update))
     }
 
-    /// Nothing more will come: what waits in the pipeline is used.
+    /// Ends the session: sweeps that wait in the pipeline are used.
     pub fn end(&mut self) {
-        self.handle(Input::End);
+        let Self { driver, observers } = self;
+        driver.end(|context, update| observers.see(context, update));
     }
 
     /// When the pipeline next wants to be called.
     #[must_use]
     pub fn next_deadline(&self) -> Timestamp {
-        self.pipeline.next_deadline()
+        self.driver.next_deadline()
     }
 
     /// What has been received so far.
     #[must_use]
     pub fn reception(&self) -> Reception<'_> {
-        let counters = self.pipeline.counters();
-        Reception {
-            frames: counters.frames,
-            groups: counters.groups,
-            restarts: counters.restarts,
-            echoed: counters.echoed,
-            board: self.pipeline.board(),
-        }
+        self.driver.reception()
     }
 
     /// Frames to be written to the board since the last call.
     pub fn take_transmit(&mut self) -> Vec<Bytes> {
-        std::mem::take(&mut self.transmit)
+        std::mem::take(&mut self.observers.transmit)
     }
 
-    /// The sensors that are faulty now, with the reason in words.
-    pub fn faulty(&self) -> impl Iterator<Item = &FaultEvent> {
-        self.changes.iter().flatten().filter(|change| change.state != SensorState::Healthy)
-    }
-
-    /// The last change of each sensor's state, by id; none where it has not changed yet. Shorter than the ring where the last ones have not.
+    /// What the events so far add up to.
     #[must_use]
-    pub fn changes(&self) -> &[Option<FaultEvent>] {
-        &self.changes
+    pub const fn state(&self) -> &SessionState {
+        &self.observers.state
     }
 
-    /// True while the poses are not to be relied on: what is heard contradicts the map, or the place in a known map is not known yet.
-    #[must_use]
-    pub fn is_lost(&self) -> bool {
-        self.is_lost
-    }
-
-    /// The left and the right wheel's encoder.
-    #[must_use]
-    pub fn encoders(&self) -> [EncoderState; 2] {
-        self.encoders
-    }
-
-    /// The newest pose.
-    #[must_use]
-    pub fn estimate(&self) -> Option<&Estimate> {
-        self.estimate.as_ref()
+    /// Copies the session's state.
+    pub fn copy_to(&self, snapshot: &mut Snapshot) {
+        snapshot.copy_session(self.pipeline(), self.state(), self.now());
     }
 
     /// Session time: that of the last input.
     #[must_use]
     pub fn now(&self) -> Timestamp {
-        self.clock.now()
+        self.driver.now()
     }
 
     /// The effective configuration.
     #[must_use]
     pub fn config(&self) -> &Config {
-        self.pipeline.config()
+        self.pipeline().config()
     }
 
     /// The pipeline, to look at.
     #[must_use]
     pub fn pipeline(&self) -> &Pipeline {
-        &self.pipeline
+        self.driver.pipeline()
     }
 
     /// Writes the map, the picture and the summary.
@@ -221,113 +210,62 @@ impl Session {
     /// # Errors
     /// When an output cannot be written.
     pub fn finish(self) -> Result<(Summary, Vec<FaultEvent>), WriteError> {
-        let nowhere = Ring::default();
-        let summary = self.outputs.finish(&FinalState {
-            config: self.pipeline.config(),
-            raster: &self.pipeline.raster(),
-            ring: self.pipeline.ring().unwrap_or(&nowhere),
-            states: self.pipeline.states(),
-            counters: self.pipeline.counters(),
-            calibration: self.pipeline.calibration(),
+        let Self { driver, observers } = self;
+        let (pipeline, nowhere) = (driver.pipeline(), Ring::default());
+        let summary = observers.outputs.finish(&FinalState {
+            config: pipeline.config(),
+            raster: &pipeline.raster(),
+            ring: pipeline.ring().unwrap_or(&nowhere),
+            states: pipeline.states(),
+            counters: pipeline.counters(),
+            calibration: pipeline.calibration(),
         })?;
-        let is_faulty = |change: &FaultEvent| change.state != SensorState::Healthy;
-        Ok((summary, self.changes.into_iter().flatten().filter(is_faulty).collect()))
+        Ok((summary, observers.state.faulty().cloned().collect()))
     }
 
-    #[expect(clippy::disallowed_methods, reason = "how long a sweep took is reported, and changes nothing")]
     fn handle(&mut self, input: Input<'_>) {
-        let begin = std::time::Instant::now();
-        self.pipeline.handle(input);
-        let elapsed = begin.elapsed();
-        let mut sweeps = 0;
-        while let Some(output) = self.pipeline.poll_output() {
-            match output {
-                Output::Transmit(frame) => self.transmit.push(frame),
-                Output::Event(event) => {
-                    sweeps += u32::from(matches!(event, Event::Estimate(_)));
-                    self.show(Update::Event(&event), elapsed);
-                    self.outputs.event(&event);
-                    self.note(event);
-                }
-            }
-        }
-        self.show(Update::Input, elapsed);
-        self.has_posed = sweeps > 0;
-        // The first sweeps are used a few at a time, when the building's axis is found.
-        for _ in 0..sweeps {
-            self.outputs.timing(elapsed / sweeps);
-        }
+        let Self { driver, observers } = self;
+        driver.handle(input, |context, update| observers.see(context, update));
     }
+}
 
-    fn show(&mut self, sight: Update<'_>, took: Duration) {
+impl Observers {
+    fn see(&mut self, context: &Context<'_>, update: Update<'_>) {
         if let Some(watcher) = &mut self.watcher {
-            watcher(&Context { pipeline: &self.pipeline, now: self.clock.now(), took }, sight);
+            watcher(context, update);
         }
-    }
-
-    /// One log line for what a person should know.
-    fn note(&mut self, event: Event) {
-        match event {
-            Event::Board { description, compatible: true, .. } => tracing::info!("board: {description}"),
-            Event::Board { description, .. } => tracing::error!("board: {description}"),
-            Event::Ring { sensors, .. } => tracing::info!("ring of {sensors} sensors"),
-            Event::BoardReset { .. } => tracing::warn!("the board has restarted; map and pose go on"),
-            Event::BoardTrouble { text, .. } => tracing::error!("board: {text}"),
-            Event::BoardLog { text, .. } => tracing::info!("board says: {text}"),
-            Event::Lock(lock) => {
-                self.is_lost = lock.change == LockChange::Lost;
-                lock_line(&lock);
+        match update {
+            Update::Event(event) => {
+                self.poses += u32::from(matches!(event, Event::Estimate(_)));
+                self.outputs.event(event);
+                self.log.note(event, context.now.seconds());
+                self.state.take(event);
             }
-            Event::Fault(fault) => {
-                tracing::warn!("{:.1} s: {}", fault.at.seconds(), fault.reason);
-                let sensor = fault.sensor;
-                if self.changes.len() <= sensor {
-                    self.changes.resize(sensor.saturating_add(1), None);
+            Update::Transmit(frame) => self.transmit.push(frame.clone()),
+            Update::Truth(..) => {}
+            Update::Input => {
+                let poses = std::mem::take(&mut self.poses);
+                self.has_posed = poses > 0;
+                // The first sweeps are used a few at a time, when the building's axis is found.
+                for _ in 0..poses {
+                    self.outputs.timing(context.took / poses);
                 }
-                if let Some(change) = self.changes.get_mut(sensor) {
-                    *change = Some(fault);
-                }
-            }
-            Event::Position(PositionEvent { is_known, reason, .. }) => {
-                self.is_lost = !is_known;
-                if is_known {
-                    tracing::info!("{reason}");
-                } else {
-                    tracing::warn!("{reason}");
-                }
-            }
-            Event::Encoder(encoder) => {
-                tracing::warn!("{:.1} s: {}", encoder.at.seconds(), encoder.reason);
-                let [left, right] = &mut self.encoders;
-                *if encoder.wheel == Wheel::Right { right } else { left } = encoder.state;
-            }
-            Event::Estimate(estimate) => {
-                if self.estimate.is_none() {
-                    tracing::info!("poses and map begin after {:.0} s", self.clock.now().seconds());
-                }
-                self.estimate = Some(estimate);
             }
         }
     }
 }
 
-/// The robot's hold on its map, in words.
-fn lock_line(lock: &LockEvent) {
-    let since_s = lock.since.seconds();
-    match lock.change {
-        LockChange::Lost => {
-            tracing::warn!(
-                "position lost: what is heard contradicts the map; poses are uncertain since {since_s:.1} s"
-            );
-        }
-        LockChange::Regained { moved_m, turned_rad } => tracing::info!(
-            "position found again, {moved_m:.2} m and {:.0} degrees off; poses since {since_s:.1} s were uncertain",
-            turned_rad.to_degrees()
-        ),
-        LockChange::Abandoned => {
-            tracing::warn!(
-                "position not found: no other place explains what is heard; mapping goes on where the robot is believed"
-            );
-        }
+/// The state of a link and of its session, once there is one.
+pub fn copy_state(snapshot: &mut Snapshot, link: &Link, session: Option<&Session>) {
+    snapshot.copy_link(link);
+    if let Some(session) = session {
+        session.copy_to(snapshot);
     }
+}
+
+/// Real time since the first call.
+#[expect(clippy::disallowed_methods, reason = "how long a sweep took is reported, and changes nothing")]
+fn stopwatch() -> Duration {
+    static BEGIN: OnceLock<Instant> = OnceLock::new();
+    BEGIN.get_or_init(Instant::now).elapsed()
 }

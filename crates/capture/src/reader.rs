@@ -205,6 +205,8 @@ impl<R: Read> CaptureReader<R> {
         }
         self.last = at;
         Ok(match topic {
+            // The file has no topic for it: nothing is ever read that is empty.
+            Topic::Received if bytes.is_empty() => Record::Opened { at },
             Topic::Received => Record::Received { at, bytes },
             Topic::Sent => Record::Sent { at, bytes },
             Topic::Truth => {

@@ -26,6 +26,7 @@ fn records(count: u64) -> Vec<Record> {
             let at = us(i * 30_000);
             let bytes: Vec<u8> = (0..i % 40).map(|b| (b * 37 + i).to_le_bytes()[0]).collect();
             match i % 3 {
+                0 if bytes.is_empty() => Record::Opened { at },
                 0 => Record::Received { at, bytes },
                 1 => Record::Sent { at, bytes },
                 _ => Record::Truth { at, pose: Pose2 { x_m: 0.1 * i as f64, y_m: -0.7, theta_rad: 1.0 / 3.0 } },
@@ -35,12 +36,7 @@ fn records(count: u64) -> Vec<Record> {
 }
 
 fn append(writer: &mut CaptureWriter, record: &Record) {
-    match record {
-        Record::Received { at, bytes } => writer.received(*at, bytes),
-        Record::Sent { at, bytes } => writer.sent(*at, bytes),
-        Record::Truth { at, pose } => writer.truth(*at, *pose),
-    }
-    .unwrap();
+    writer.record(record).unwrap();
 }
 
 fn write(path: &Path, records: &[Record]) {

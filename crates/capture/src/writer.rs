@@ -1,6 +1,6 @@
 //! Writes a capture so that a kill at any moment loses at most the last [`FLUSH_PERIOD`].
 
-use super::{CaptureError, CaptureInfo, FLUSH_PERIOD, RECEIVED_TOPIC, SENT_TOPIC, TRUTH_TOPIC, TruthMessage};
+use super::{CaptureError, CaptureInfo, FLUSH_PERIOD, RECEIVED_TOPIC, Record, SENT_TOPIC, TRUTH_TOPIC, TruthMessage};
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 use mcap::{McapError, WriteOptions, Writer};
@@ -70,11 +70,35 @@ impl<W: Write> CaptureWriter<W> {
         Ok(Self { path: path.into(), writer, channels, chunk_opened: None, last: Timestamp::default() })
     }
 
-    /// Stores bytes read from the board at `at`.
+    /// Stores a record.
+    ///
+    /// # Errors
+    /// As [`CaptureWriter::received`].
+    pub fn record(&mut self, record: &Record) -> Result<(), CaptureError> {
+        match record {
+            Record::Received { at, bytes } => self.received(*at, bytes),
+            Record::Sent { at, bytes } => self.sent(*at, bytes),
+            Record::Opened { at } => self.opened(*at),
+            Record::Truth { at, pose } => self.truth(*at, *pose),
+        }
+    }
+
+    /// Stores that the port was opened again at `at`: an empty chunk from the board.
+    ///
+    /// # Errors
+    /// As [`CaptureWriter::received`].
+    pub fn opened(&mut self, at: Timestamp) -> Result<(), CaptureError> {
+        self.write(|channels| &mut channels.received, at, &[])
+    }
+
+    /// Stores bytes read from the board at `at`; no bytes are no record.
     ///
     /// # Errors
     /// When the file cannot be written or `at` is earlier than a time already stored.
     pub fn received(&mut self, at: Timestamp, bytes: &[u8]) -> Result<(), CaptureError> {
+        if bytes.is_empty() {
+            return Ok(());
+        }
         self.write(|channels| &mut channels.received, at, bytes)
     }
 

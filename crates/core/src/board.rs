@@ -1,4 +1,4 @@
-//! What the board has said of itself: who it is and where its sensors sit.
+//! The board's identity and the geometry of its ring, as it reported them.
 
 #![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
 #![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
@@ -7,12 +7,12 @@
 use crate::geometry::{Mounting, Pose2, Ring};
 use slamd_protocol::{Geometry, Hello, MAX_ECHOES};
 
-/// No wheel has more encoder ticks per turn, and no robot is larger.
+/// Plausible limits: encoder ticks per turn, distance of a sensor, half angle of a beam.
 const MAX_TICKS: u32 = 10_000_000;
 const MAX_MM: u16 = 2_000;
 const MAX_HALF_ANGLE_CDEG: u16 = 6_000;
 
-/// The board as far as it is known.
+/// What is known of the board.
 #[derive(Clone, Debug, Default)]
 pub struct Board {
     hello: Option<Hello>,
@@ -26,27 +26,27 @@ impl Board {
         self.hello.as_ref()
     }
 
-    /// Encoder ticks per turn of a wheel, where the board can be understood and knows them.
+    /// Encoder ticks per wheel turn, if the board's version is compatible and it knows them.
     #[must_use]
     pub fn ticks_per_turn(&self) -> Option<u32> {
         let hello = self.hello.as_ref().filter(|hello| hello.check_version().is_ok())?;
         Some(hello.ticks_per_turn).filter(|&ticks| ticks > 0)
     }
 
-    /// True where the board speaks another major version: nothing else that it sends may be used.
+    /// True if the board speaks another major version: its other messages must not be used.
     #[must_use]
     pub fn is_refused(&self) -> bool {
         self.hello.as_ref().is_some_and(|hello| hello.check_version().is_err())
     }
 
-    /// Why nothing that the board sends may be used, and which side to update.
+    /// Why the board's messages must not be used, and which side to update.
     #[must_use]
     pub fn refusal(&self) -> Option<String> {
         let refused = self.hello.as_ref()?.check_version().err()?;
         Some(format!("protocol mismatch: {refused}"))
     }
 
-    /// What the board says of itself that cannot be, with what to do about it.
+    /// Checks the board's own numbers. The error says what to do.
     ///
     /// # Errors
     /// One of its numbers is out of range.
@@ -66,13 +66,13 @@ impl Board {
         Ok(())
     }
 
-    /// The board introduces itself. True where it has restarted since it last did.
+    /// Stores the board's HELLO. True if the board restarted since the last one.
     pub fn greet(&mut self, hello: Hello) -> bool {
         let before = self.hello.replace(hello);
         before.is_some_and(|before| Some(before.boot_id) != self.hello.as_ref().map(|hello| hello.boot_id))
     }
 
-    /// Who it is, in words.
+    /// Description of the board, for people.
     #[must_use]
     pub fn description(&self) -> String {
         let Some(hello) = &self.hello else { return "unknown board".into() };
@@ -86,10 +86,10 @@ impl Board {
         }
     }
 
-    /// Part of the ring's geometry. The ring, once all its parts have arrived.
+    /// Stores a part of the ring's geometry. Returns the ring once all parts have arrived.
     ///
     /// # Errors
-    /// A sensor sits where none can, or there are not as many as HELLO said; in words, with what to do about it.
+    /// A sensor's position is impossible, or the number of sensors differs from HELLO. The error says what to do.
     pub fn place(&mut self, geometry: &Geometry) -> Result<Option<Ring>, String> {
         if let Some(hello) = self.hello.as_ref().filter(|hello| hello.sensors != geometry.total()) {
             let (total, sensors) = (geometry.total(), hello.sensors);

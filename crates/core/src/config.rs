@@ -29,14 +29,14 @@ use serde::{Deserialize, Serialize};
 use slamd_protocol::Setting;
 use std::collections::BTreeMap;
 
-/// How heading, position and map are found.
+/// The estimation method.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Method {
-    /// Walls of an orthogonal building in one filter with the pose: the default.
+    /// The default: EKF-SLAM with the walls of a rectangular building as landmarks.
     #[default]
     Walls,
-    /// The paper, literally.
+    /// The published method.
     Paper,
 }
 
@@ -52,23 +52,23 @@ pub struct Config {
     pub ring: RingConfig,
     /// The map.
     pub map: MapConfig,
-    /// Settings of the board, by their names in the protocol; those not named stay as the board has them.
+    /// Settings of the board, by their names in the protocol. The board keeps its own value for the others.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub board: BTreeMap<String, SettingValue>,
 }
 
-/// The value of a board's setting.
+/// Value of a board setting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum SettingValue {
-    /// No is 0, yes is 1.
+    /// False is 0, true is 1 on the wire.
     Flag(bool),
     /// A number.
     Number(i32),
 }
 
 impl SettingValue {
-    /// As on the wire.
+    /// The value on the wire.
     #[must_use]
     pub fn value(self) -> i32 {
         match self {
@@ -88,19 +88,19 @@ pub struct RobotConfig {
     pub wheel_radius_m: f64,
     /// Distance between the driven wheels, metres.
     pub wheel_base_m: f64,
-    /// How well that is known: one standard deviation, metres; 2.5 % where absent.
+    /// Standard deviation of `wheel_base_m`, metres; 2.5 % of it if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wheel_base_sigma_m: Option<f64>,
     /// Radius of the right wheel divided by that of the left; the mean of both is `wheel_radius_m`.
     pub wheel_ratio: f64,
-    /// How well that is known: one standard deviation.
+    /// Standard deviation of `wheel_ratio`.
     pub wheel_ratio_sigma: f64,
-    /// Encoder ticks per wheel turn; the board's own value where absent.
+    /// Encoder ticks per wheel turn; the board's own value if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ticks_per_turn: Option<u32>,
-    /// Fastest the robot drives, metres per second.
+    /// Maximum speed, metres per second.
     pub max_speed_m_s: f64,
-    /// Fastest the robot turns, radians per second.
+    /// Maximum turn rate, radians per second.
     pub max_turn_rate_rad_s: f64,
 }
 
@@ -120,7 +120,7 @@ impl Default for RobotConfig {
     }
 }
 
-/// The sensors. Their places come from the board unless `sensors` or `circle` is given.
+/// The sensors. Their positions come from the board unless `sensors` or `circle` is given.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RingConfig {
@@ -130,13 +130,13 @@ pub struct RingConfig {
     pub max_range_m: f64,
     /// Air temperature until the board reports one, degrees Celsius.
     pub temperature_c: f64,
-    /// Sensors evenly round a circle.
+    /// Sensors evenly around a circle.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub circle: Option<CircleConfig>,
     /// Sensors one by one.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub sensors: Vec<SensorConfig>,
-    /// What `slamd calibrate` has found of single sensors.
+    /// Corrections of single sensors, found by `slamd calibrate`.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub corrections: Vec<CorrectionConfig>,
 }
@@ -154,20 +154,20 @@ impl Default for RingConfig {
     }
 }
 
-/// Sensors evenly round a circle, looking outward.
+/// Sensors evenly around a circle, facing outward.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CircleConfig {
-    /// How many sensors.
+    /// Number of sensors.
     pub count: u8,
     /// Radius of the circle, metres.
     pub radius_m: f64,
     /// Half the beam's opening angle, degrees.
     pub half_angle_deg: f64,
-    /// How many firing groups, interleaved round the ring.
+    /// Number of firing groups, interleaved around the ring.
     #[serde(default = "one")]
     pub groups: u8,
-    /// True where the sensors are numbered clockwise from straight ahead.
+    /// True if the sensors are numbered clockwise from straight ahead.
     #[serde(default)]
     pub clockwise: bool,
 }
@@ -209,21 +209,21 @@ const fn one() -> u8 {
     1
 }
 
-/// Most sensors a ring may have: a `SONAR` message holds no more.
+/// Maximum number of sensors: a `SONAR` message holds no more.
 pub const MAX_SENSORS: usize = keys::MAX_SENSORS as usize;
 
 impl Config {
     /// Reads a TOML text.
     ///
     /// # Errors
-    /// Unknown keys, values of the wrong type and values out of range are refused; nothing is repaired in silence.
+    /// Unknown keys, values of the wrong type and values out of range. Nothing is repaired silently.
     pub fn from_toml(text: &str) -> Result<Self, ConfigError> {
         let mut layers = Layers::default();
         layers.text(None, text);
         Ok(layers.finish()?.config)
     }
 
-    /// The text that [`Config::from_toml`] reads back as this configuration.
+    /// The TOML text of this configuration; [`Config::from_toml`] reads it back.
     #[must_use]
     #[expect(clippy::expect_used, reason = "TOML has a form for each type that the configuration is made of")]
     pub fn to_toml(&self) -> String {
@@ -242,7 +242,7 @@ impl Config {
 }
 
 impl RingConfig {
-    /// The sensors named in the configuration, if it names any.
+    /// The ring from the configuration, if it has one.
     #[must_use]
     pub fn ring(&self) -> Option<Ring> {
         if let Some(circle) = &self.circle {

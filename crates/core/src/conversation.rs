@@ -1,5 +1,4 @@
-//! The host's side of the conversation with the board: who it is, whether its settings are as wanted, and whether it is still the one
-//! it was.
+//! The host's side of the conversation with the board: its identity, its settings, and whether it restarted.
 
 #![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
 #![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
@@ -15,38 +14,38 @@ use crate::time::Timestamp;
 use slamd_protocol::{AckResult, Geometry, Hello, Message};
 use std::time::Duration;
 
-/// Without a fired group for this long the board may have restarted unheard; one that is doubted for as long has.
+/// Without a sensor group for this long the board may have restarted. Doubt that lasts this long counts as a restart.
 const SILENCE: Duration = Duration::from_secs(1);
 
-/// What is known of the board, and what to ask it next.
+/// What is known of the board, and the next questions to it.
 #[derive(Clone, Debug)]
 pub struct Conversation {
     handshake: Handshake,
     board: Board,
     settings: Settings,
-    /// The ring is the configuration's: the board need not tell it.
+    /// The configuration has the ring: the board need not report it.
     ring_is_configured: bool,
     ring_is_told: bool,
-    /// The board's counts go on from where they were, or its restart has been noticed.
+    /// The board's counts continue, or its restart was noticed.
     is_trusted: bool,
     doubtful_since: Option<Timestamp>,
     last_group_at: Option<Timestamp>,
     trouble: String,
 }
 
-/// What a message's stamp says of the board.
+/// What a message's stamp says about the board's counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Trust {
-    /// Its counts can be used.
+    /// They can be used.
     Yes,
-    /// Not before it has introduced itself.
+    /// Unknown until the board identifies itself.
     Wait,
-    /// They have begun anew.
+    /// They started again.
     Restarted,
 }
 
 impl Conversation {
-    /// A conversation that has not begun.
+    /// A conversation before its first message.
     #[must_use]
     pub fn new(config: &Config) -> Self {
         Self {
@@ -62,7 +61,7 @@ impl Conversation {
         }
     }
 
-    /// The board as far as it is known.
+    /// What is known of the board.
     #[must_use]
     pub fn board(&self) -> &Board {
         &self.board
@@ -74,24 +73,24 @@ impl Conversation {
         self.handshake.deadline()
     }
 
-    /// The port has been opened again.
+    /// The port was opened again.
     pub fn opened(&mut self, at: Timestamp) {
         self.handshake.opened(at);
         self.settings.restart();
         (self.is_trusted, self.last_group_at) = (false, None);
     }
 
-    /// A good frame has come.
+    /// A valid frame arrived.
     pub fn heard(&mut self, at: Timestamp) {
         self.handshake.heard(at);
     }
 
-    /// The ring has fired.
+    /// A sensor group arrived.
     pub fn fired(&mut self, at: Timestamp) {
         self.last_group_at = Some(at);
     }
 
-    /// The board introduces itself; true where it has restarted since it last did.
+    /// A HELLO arrived. True if the board restarted since the last one.
     pub fn hello(&mut self, hello: Hello, at: Timestamp, events: &mut Vec<Event>) -> bool {
         if hello.check_version().is_ok()
             && let Err(text) = Board::check(&hello)
@@ -114,8 +113,8 @@ impl Conversation {
         restarted
     }
 
-    /// Whether a message can be used whose stamp does or does not continue the board's clock. After a new connection or a silence the
-    /// counts may have begun anew; a board that neither continues nor introduces itself for a second has restarted.
+    /// Whether a message can be used; `continues` says whether its stamp continues the board's clock. After a new connection or a
+    /// silence the counts may have started again. A board that neither continues nor identifies itself for a second restarted.
     pub fn trust(&mut self, at: Timestamp, continues: impl FnOnce() -> bool) -> Trust {
         if self.is_trusted || continues() {
             (self.is_trusted, self.doubtful_since) = (true, None);
@@ -128,7 +127,7 @@ impl Conversation {
         Trust::Restarted
     }
 
-    /// The board has restarted: all but its place on the robot is asked anew.
+    /// The board restarted: asks everything again except the ring's geometry.
     pub fn restarted(&mut self, at: Timestamp) {
         self.handshake.clock_restarted();
         self.handshake.hurry(at);
@@ -136,7 +135,7 @@ impl Conversation {
         self.last_group_at = None;
     }
 
-    /// The board tells a part of its ring; the ring once all is told.
+    /// A part of the ring's geometry arrived. Returns the ring once all parts have arrived.
     pub fn geometry(&mut self, geometry: &Geometry, at: Timestamp, events: &mut Vec<Event>) -> Option<Ring> {
         match self.board.place(geometry) {
             Ok(Some(ring)) => {
@@ -152,13 +151,13 @@ impl Conversation {
         }
     }
 
-    /// The board tells a setting's value.
+    /// The value of a setting arrived.
     pub fn setting(&mut self, key: u8, value: i32, at: Timestamp) {
         self.settings.told(key, value);
         self.handshake.hurry(at);
     }
 
-    /// The board tells what became of a command.
+    /// The result of a command arrived.
     pub fn acknowledged(&mut self, of_type: u8, result: AckResult, at: Timestamp, events: &mut Vec<Event>) {
         if let Some(text) = self.settings.acknowledged(of_type, result) {
             self.trouble(text, at, events);
@@ -166,17 +165,17 @@ impl Conversation {
         self.handshake.hurry(at);
     }
 
-    /// A time request has been written at `at`.
+    /// A time request was written at `at`.
     pub fn time_request_sent(&mut self, token: u16, at: Timestamp) {
         self.handshake.time_request_sent(token, at);
     }
 
-    /// When the request with this token was written; none where it was not the last one.
+    /// When the request with this token was written; none if it was not the last one.
     pub fn time_request(&mut self, token: u16) -> Option<Timestamp> {
         self.handshake.time_request(token)
     }
 
-    /// What to say to the board at `at`.
+    /// Messages to send to the board at `at`.
     pub fn ask(&mut self, at: Timestamp, events: &mut Vec<Event>) -> impl Iterator<Item = Message> + use<> {
         if self.last_group_at.is_some_and(|last| last + SILENCE < at) {
             (self.is_trusted, self.last_group_at) = (false, None);

@@ -5,8 +5,9 @@ use crate::time::Timestamp;
 use bytes::Bytes;
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
+use std::str::FromStr;
 
-/// One input. Times never run back.
+/// One input. Times never decrease.
 #[derive(Clone, Copy, Debug)]
 pub enum Input<'a> {
     /// Bytes read from the board, in any chunks.
@@ -23,75 +24,73 @@ pub enum Input<'a> {
         /// The chunk, exactly as written.
         bytes: &'a [u8],
     },
-    /// The port has been opened again: what follows comes over a new connection, perhaps from a board that has restarted.
+    /// The port was opened again: later bytes come over a new connection, perhaps from a restarted board.
     Opened {
-        /// When it was.
+        /// When it was opened.
         at: Timestamp,
     },
-    /// The deadline named by `Pipeline::next_deadline` has come.
+    /// The deadline of `Pipeline::next_deadline` has passed.
     Tick {
         /// That deadline.
         at: Timestamp,
     },
-    /// Nothing more will come: what waits is used.
+    /// No more input follows: the pipeline uses what it holds back.
     End,
 }
 
 /// One output.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Output {
-    /// A frame for the board. Whoever writes it hands it back as [`Input::Sent`].
+    /// A frame for the board. After writing it, pass it back as [`Input::Sent`].
     Transmit(Bytes),
-    /// Something that happened.
+    /// An event.
     Event(Event),
 }
 
-/// Something that happened, in the order it happened.
+/// An event. The pipeline emits events in the order in which they happen.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Event {
-    /// The board said who it is.
+    /// The board identified itself.
     Board {
-        /// When it was heard.
+        /// When its message arrived.
         at: Timestamp,
-        /// Name, firmware and protocol version in words.
+        /// Name, firmware and protocol version, for people.
         description: String,
-        /// False where the board speaks another major version: nothing it sends is used.
+        /// False if the board speaks another major version: its messages are not used.
         compatible: bool,
     },
-    /// The ring's geometry is known; sweeps can begin.
+    /// The ring's geometry is known; sweeps can start.
     Ring {
         /// When it became known.
         at: Timestamp,
         /// The number of sensors n.
         sensors: usize,
     },
-    /// A sweep has been used: the robot's new pose.
+    /// The robot's new pose, from one sweep.
     Estimate(Estimate),
     /// A sensor changed its state.
     Fault(FaultEvent),
     /// A wheel encoder changed its state.
     Encoder(EncoderEvent),
-    /// What is known of the robot's place has changed; only where it is sought in a known map.
-    Position(PositionEvent),
-    /// The robot no longer knows where it is, or knows it again.
-    Lock(LockEvent),
+    /// The robot's pose in the map became known or unknown.
+    Localization(LocalizationEvent),
     /// A line of text from the board, control characters removed.
     BoardLog {
-        /// When it was heard.
+        /// When it arrived.
         at: Timestamp,
         /// The text.
         text: String,
     },
-    /// The board restarted: its counters began anew.
+    /// The board restarted: its counters start again.
     BoardReset {
         /// When it was noticed.
         at: Timestamp,
     },
-    /// The board says of itself what cannot be, or does not take a setting.
+    /// The board reports impossible values, or does not accept a setting.
     BoardTrouble {
-        /// When it was heard.
+        /// When its message arrived.
         at: Timestamp,
-        /// What, and what to do about it.
+        /// The problem, and what to do.
         text: String,
     },
 }
@@ -109,62 +108,103 @@ pub struct Estimate {
     pub covariance: Matrix3<f64>,
     /// `odom_from_robot`: the encoders alone.
     pub odometry: Pose2,
-    /// Normalised innovation squared of this sweep, mean over its measurements: 1 where the filter knows its errors. NaN where nothing
-    /// was measured, or the method has none.
+    /// Normalised innovation squared of this sweep, mean over its measurements; 1 if the filter knows its errors. NaN without a
+    /// measurement, or if the method has none.
     pub nis: f64,
 }
 
-/// A change of the robot's hold on its map.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LockEvent {
+/// The robot's pose in the map became known or unknown.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LocalizationEvent {
     /// The sweep's reference instant.
     pub at: Timestamp,
-    /// From when on the poses were, or still are, uncertain.
+    /// Start of the interval whose poses were, or still are, uncertain.
     pub since: Timestamp,
-    /// What happened.
-    pub change: LockChange,
+    /// What changed.
+    pub change: LocalizationChange,
 }
 
-/// What happened to the robot's hold on its map.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum LockChange {
-    /// What is heard contradicts the map.
+impl LocalizationEvent {
+    /// True if poses from now on are uncertain.
+    #[must_use]
+    pub fn is_lost(&self) -> bool {
+        match &self.change {
+            LocalizationChange::Lost => true,
+            LocalizationChange::Regained { .. } | LocalizationChange::Abandoned => false,
+            LocalizationChange::KnownMap(search) => search.state != SearchState::Found,
+        }
+    }
+}
+
+/// What changed in the localization.
+#[derive(Clone, Debug, PartialEq)]
+pub enum LocalizationChange {
+    /// The echoes contradict the map; relocalization starts.
     Lost,
-    /// The place is known again.
+    /// The pose is known again.
     Regained {
-        /// How far the believed position was off, metres.
+        /// Error of the position estimate until now, metres.
         moved_m: f64,
-        /// How far the believed heading was off, radians.
+        /// Error of the heading estimate until now, radians.
         turned_rad: f64,
     },
-    /// No place fits better than the believed one: the search has ended.
+    /// No other pose fits better: relocalization ended, the estimate stays.
     Abandoned,
+    /// Progress of the search for the start pose in a known map. Only the localizer sends it.
+    KnownMap(KnownMapSearch),
 }
 
-/// What a sensor's readings are worth.
+/// Search for the robot's pose in a known map.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KnownMapSearch {
+    /// State from now on.
+    pub state: SearchState,
+    /// Driving time since the search started, seconds.
+    pub driven_s: f64,
+    /// Explanation for people.
+    pub reason: String,
+}
+
+/// State of the search in a known map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SearchState {
+    /// The session began with an unknown pose.
+    Started,
+    /// The pose is known.
+    Found,
+    /// The pose was known and is not any more; the search starts again.
+    Lost,
+    /// The robot has driven for a while and the pose is still unknown.
+    StillUnknown,
+}
+
+/// Whether a sensor's readings are used.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SensorState {
-    /// Its readings are used.
+    /// Readings are used.
     #[default]
     Healthy,
-    /// Its readings are ignored.
+    /// Readings are ignored.
     Faulty(FaultKind),
 }
 
-/// In which way a sensor is broken.
+/// Kind of sensor fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum FaultKind {
-    /// It always hears nothing within range.
+    /// Always reports no echo within range.
     Saturated,
-    /// It never measures.
+    /// Never measures.
     Missing,
-    /// Its readings scatter.
+    /// Readings scatter.
     Noisy,
-    /// It always reads the same value.
+    /// Always reads the same value.
     Stuck,
 }
 
 impl FaultKind {
+    /// All kinds, in the order of every table.
+    pub const ALL: [Self; 4] = [Self::Saturated, Self::Missing, Self::Noisy, Self::Stuck];
+
     /// The word used in files and on the command line.
     #[must_use]
     pub const fn word(self) -> &'static str {
@@ -177,17 +217,30 @@ impl FaultKind {
     }
 }
 
-/// What became of a sensor's beam in one sweep.
+/// The word is not a kind of fault.
+#[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
+#[error("unknown fault kind \"{0}\": it is saturated, missing, noisy or stuck")]
+pub struct UnknownFaultKind(String);
+
+impl FromStr for FaultKind {
+    type Err = UnknownFaultKind;
+
+    fn from_str(word: &str) -> Result<Self, UnknownFaultKind> {
+        Self::ALL.into_iter().find(|kind| kind.word() == word).ok_or_else(|| UnknownFaultKind(word.into()))
+    }
+}
+
+/// Use of a sensor's beam in one sweep.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Verdict {
-    /// It heard what the estimator knows, and corrected the pose.
+    /// The echo matched the map and corrected the pose.
     Used,
-    /// It heard something else.
+    /// The echo matched nothing in the map.
     Unexplained,
-    /// It heard nothing, or nothing is known yet.
+    /// No echo, or no map yet.
     #[default]
     Silent,
-    /// Its sensor is faulty.
+    /// The sensor is faulty.
     Ignored,
 }
 
@@ -200,7 +253,7 @@ pub struct FaultEvent {
     pub sensor: usize,
     /// Its new state.
     pub state: SensorState,
-    /// Why, in words.
+    /// Why, for people.
     pub reason: String,
 }
 
@@ -227,15 +280,15 @@ impl Wheel {
     }
 }
 
-/// What a wheel encoder's counts are worth.
+/// How a wheel encoder's counts are used.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum EncoderState {
-    /// They are used as they come.
+    /// Counts are used unchanged.
     #[default]
     Healthy,
-    /// They stand still while the wheel turns: the robot's motion is unknown.
+    /// Counts stand still while the wheel turns: the robot's motion is unknown.
     Dead,
-    /// They run backwards, and are used with the sign turned over.
+    /// Counts run backwards and are used with the opposite sign.
     Reversed,
 }
 
@@ -260,25 +313,11 @@ pub struct EncoderEvent {
     pub wheel: Wheel,
     /// Its encoder's new state.
     pub state: EncoderState,
-    /// Why, in words.
+    /// Why, for people.
     pub reason: String,
 }
 
-/// What is known of the robot's place in a known map.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct PositionEvent {
-    /// When it was noticed.
-    #[serde(skip)]
-    pub at: Timestamp,
-    /// True where the place is known.
-    pub is_known: bool,
-    /// Seconds that the robot had been driving by then.
-    pub driven_s: f64,
-    /// In words.
-    pub reason: String,
-}
-
-/// The drive as the estimator has learnt it, with one standard deviation each.
+/// Wheel calibration as the estimator learned it, each value with one standard deviation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
     /// Right wheel's size over the left's.
@@ -291,31 +330,31 @@ pub struct Calibration {
     pub wheel_base_sigma_m: f64,
 }
 
-/// What the pipeline has counted since it began.
+/// Counters of the pipeline since its start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
-    /// Frames whose checksum held.
+    /// Frames with a correct checksum.
     pub frames: u64,
-    /// Frames whose checksum did not hold.
+    /// Frames with a wrong checksum.
     pub crc_errors: u64,
     /// Other frames that could not be decoded: bad stuffing, too long, too short.
     pub malformed: u64,
-    /// Bytes that belong to no good frame.
+    /// Bytes that belong to no valid frame.
     pub dropped_bytes: u64,
-    /// Good frames that the sequence numbers say are missing.
+    /// Frames missing by their sequence numbers.
     pub lost_frames: u64,
-    /// Good frames of a type this version does not know.
+    /// Valid frames of a type that this version does not know.
     pub unknown: u64,
-    /// Good frames whose content was refused.
+    /// Valid frames with refused content.
     pub refused: u64,
-    /// The host's own messages, come back.
+    /// The host's own messages, received back.
     pub echoed: u64,
-    /// Fired groups of the ring that were used.
+    /// Sensor groups used.
     pub groups: u64,
     /// Restarts of the board.
     pub restarts: u64,
     /// Sweeps used.
     pub sweeps: u64,
-    /// Sweeps that were given up because too much of them was missing.
+    /// Sweeps dropped because too much of them was missing.
     pub dropped_sweeps: u64,
 }

@@ -19,7 +19,7 @@ pub fn wrap_angle(angle_rad: f64) -> f64 {
     }
 }
 
-/// The quarter turn that an angle between −2π and 2π lies nearest to, 0 to 3 counter-clockwise, and how far it lies beyond that, radians.
+/// The quarter turn nearest to an angle between −2π and 2π, 0 to 3 counter-clockwise, and the rest of the angle, radians.
 #[must_use]
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 8 as floats are whole")]
 pub fn nearest_quarter(angle_rad: f64) -> (usize, f64) {
@@ -93,7 +93,7 @@ impl Mul for Pose2 {
     }
 }
 
-/// A pose with the sine and cosine of its heading, for whom many things are to be seen from it.
+/// A pose with the sine and cosine of its heading, computed once for many transforms.
 #[derive(Clone, Copy, Debug)]
 pub struct Placement {
     pose: Pose2,
@@ -145,11 +145,11 @@ pub struct Segment {
     pub from: Point,
     /// The other.
     pub to: Point,
-    /// Standard deviation of its place across itself, metres.
+    /// Standard deviation of its offset along its normal, metres.
     pub sigma_m: f64,
 }
 
-/// One sensor's place on the robot.
+/// One sensor's pose on the robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mounting {
     /// The sensor in the robot frame; its x axis is the beam's axis.
@@ -168,7 +168,7 @@ pub struct Ring {
 }
 
 impl Ring {
-    /// `count` sensors evenly round a circle, counter-clockwise from straight ahead, fired in `groups` interleaved groups.
+    /// `count` sensors evenly around a circle, counter-clockwise from straight ahead, fired in `groups` interleaved groups.
     #[must_use]
     pub fn circle(count: u8, radius_m: f64, half_angle_rad: f64, groups: u8) -> Self {
         let mountings = (0..count)
@@ -191,7 +191,7 @@ impl Ring {
         self.mountings.len()
     }
 
-    /// True while no geometry is known.
+    /// True if the ring has no sensors.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.mountings.is_empty()

@@ -1,7 +1,7 @@
-//! What the host says to the board, and when: hello, settings, geometry, start, and the time of day twice a second.
+//! What the host sends to the board, and when: hello, settings, geometry, start, and a time request twice a second.
 //!
-//! Opening the port resets many boards, and their boot loaders choke on early bytes: nothing is sent before the board has spoken
-//! or 2.5 s have passed. What is not answered is asked again.
+//! Opening the port resets many boards, and early bytes confuse their boot loaders. So the host sends nothing before the board
+//! has spoken or 2.5 s have passed. Unanswered questions are repeated.
 
 #![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
 #![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
@@ -14,17 +14,17 @@ use std::time::Duration;
 
 const SILENCE: Duration = Duration::from_millis(2500);
 const RETRY: Duration = Duration::from_millis(300);
-/// Nothing is asked while the ring is heard; this often it is looked whether it still is.
+/// No questions are sent while sensor groups arrive; this often the handshake checks whether they still do.
 const CALM: Duration = Duration::from_secs(1);
-/// The time is asked for this often, and at first more often, until the clock's rate is known.
+/// Period of time requests, and the shorter one of the first requests, until the clock's rate is known.
 const TIME_PERIOD: Duration = Duration::from_millis(500);
 const QUICK_PERIOD: Duration = Duration::from_millis(50);
 const QUICK_REQUESTS: u16 = 60;
 
-/// What has been learnt from the board so far.
+/// What the board has answered so far.
 #[derive(Clone, Debug, Default)]
 pub struct Known {
-    /// HELLO was heard since the port was opened.
+    /// HELLO arrived since the port was opened.
     pub hello: bool,
     /// The next question about the board's settings.
     pub setting: Option<Message>,
@@ -41,7 +41,7 @@ pub struct Known {
 pub struct Messages {
     /// The next question of the handshake.
     pub question: Option<Message>,
-    /// What time is it?
+    /// The next time request.
     pub time: Option<Message>,
 }
 
@@ -64,13 +64,13 @@ impl Default for Handshake {
 }
 
 impl Handshake {
-    /// The port has been opened again: the board may be booting.
+    /// The port was opened again: the board may be booting.
     pub fn opened(&mut self, at: Timestamp) {
         let due = at + SILENCE;
         *self = Self { question_due: due, time_due: due, token: self.token, ..Self::default() };
     }
 
-    /// The board has said something: it can be spoken to.
+    /// The board sent something: it listens, too.
     pub fn heard(&mut self, at: Timestamp) {
         if !self.has_spoken {
             self.has_spoken = true;
@@ -78,13 +78,13 @@ impl Handshake {
         }
     }
 
-    /// When [`Handshake::ask`] has something to say.
+    /// When [`Handshake::ask`] is due.
     #[must_use]
     pub fn deadline(&self) -> Timestamp {
         self.question_due.min(self.time_due)
     }
 
-    /// What to send at `at`: the next question of the handshake and, while a board is there, a time request.
+    /// Messages to send at `at`: the handshake's next question and, once the board is known, a time request.
     pub fn ask(&mut self, at: Timestamp, known: Known) -> Messages {
         let may_ask_time = known.hello && !known.refused;
         let question = (at >= self.question_due).then(|| question(known)).flatten();
@@ -104,28 +104,28 @@ impl Handshake {
         Messages { question, time }
     }
 
-    /// Something new is known: ask the next question at once.
+    /// An answer arrived: the next question is due at once.
     pub fn hurry(&mut self, at: Timestamp) {
         (self.question_due, self.time_due) = (at, self.time_due.min(at));
     }
 
-    /// The board's clock began anew: learn it quickly.
+    /// The board's clock started again: sends the quick time requests again.
     pub fn clock_restarted(&mut self) {
         self.quick_requests = 0;
     }
 
-    /// A time request has been written at `at`.
+    /// A time request was written at `at`.
     pub fn time_request_sent(&mut self, token: u16, at: Timestamp) {
         self.pending = Some((token, at));
     }
 
-    /// When the request with this token was written; none where it was not the last one.
+    /// When the request with this token was written; none if it was not the last one.
     pub fn time_request(&mut self, token: u16) -> Option<Timestamp> {
         self.pending.take_if(|(pending, _)| *pending == token).map(|(_, at)| at)
     }
 }
 
-/// Asks who the board is and where its sensors are, whatever is known: a recording's next file holds the answers, too.
+/// Asks for the board's identity and geometry again, so that the next file of a recording holds the answers.
 #[must_use]
 pub fn introduction() -> [Bytes; 2] {
     let mut encoder = FrameEncoder::default();

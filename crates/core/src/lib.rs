@@ -32,3 +32,4 @@ pub mod pipeline;
 pub mod driver;
 pub mod rates;
 pub mod session_clock;
+pub mod snapshot;

@@ -1,42 +1,46 @@
-//! How the line to the board fares, in words, and what to do to heal it.
+//! Link health: state, cause, recovery action.
 //!
 //! ```text
 //! Searching → Listening → Handshake → Streaming ⇄ Stale (0.5 s) → Lost (2 s)
 //!     ↑____________________ the port is gone, from anywhere ____________|
 //! ```
 //!
-//! A state machine like the pipeline: what was opened, heard and closed goes in, changes of state with their cause and remedies
-//! (another baud rate, opening the port anew) come out. The daemon carries them out.
+//! A state machine without I/O, like the pipeline: opened, received and closed go in; changes of state with their cause, and
+//! remedies (another baud rate, reopening the port) come out. The daemon applies the remedies.
 
 #![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
 #![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
 #![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
+
+mod cause;
 
 use crate::board::Board;
 use crate::time::Timestamp;
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// The line's state.
+pub use cause::LinkCause;
+
+/// State of the link.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LinkState {
     /// No port is open.
     #[default]
     Searching,
-    /// The port is open; no frame has been heard.
+    /// The port is open; no frame has arrived.
     Listening,
-    /// The board speaks; its sensors are not yet heard.
+    /// Frames arrive; sensor groups do not yet.
     Handshake,
-    /// The ring is heard.
+    /// Sensor groups arrive.
     Streaming,
-    /// The ring has not been heard for half a second.
+    /// No sensor group for half a second.
     Stale,
-    /// The ring has not been heard for two seconds.
+    /// No sensor group for two seconds.
     Lost,
 }
 
 impl LinkState {
-    /// All of them.
+    /// All states.
     pub const ALL: [Self; 6] =
         [Self::Searching, Self::Listening, Self::Handshake, Self::Streaming, Self::Stale, Self::Lost];
 
@@ -61,8 +65,8 @@ pub struct LinkChange {
     pub at: Timestamp,
     /// The state from now on.
     pub state: LinkState,
-    /// Why, in words, with what to do about it.
-    pub cause: String,
+    /// Why; its text says what to do.
+    pub cause: LinkCause,
 }
 
 impl std::fmt::Display for LinkChange {
@@ -76,62 +80,64 @@ impl std::fmt::Display for LinkChange {
 pub enum Remedy {
     /// Set this many bits per second.
     Baud(u32),
-    /// Close the port and open it anew.
+    /// Close the port and open it again.
     Reopen,
 }
 
-/// What the pipeline has received since it began.
+/// What the pipeline has received since its start.
 #[derive(Clone, Copy, Debug)]
 pub struct Reception<'a> {
-    /// Good frames.
+    /// Valid frames.
     pub frames: u64,
-    /// Fired groups of the ring.
+    /// Sensor groups.
     pub groups: u64,
     /// Restarts of the board.
     pub restarts: u64,
-    /// The host's own messages, come back.
+    /// The host's own messages, received back.
     pub echoed: u64,
-    /// Who the board is.
+    /// The board.
     pub board: &'a Board,
 }
 
-/// The rates boards and bridges usually run at, likeliest first.
+/// Usual rates of boards and bridges, likeliest first.
 pub const USUAL_BAUDS: [u32; 8] = [115_200, 250_000, 500_000, 1_000_000, 57_600, 38_400, 19_200, 9_600];
 
-/// A board that was reset by the opening of the port gets this long to boot and speak, or to be asked and answer.
+/// Time for a board to boot after opening the port reset it, and to speak or answer.
 const FIRST_WORD: Duration = Duration::from_millis(4_000);
-/// How long each further baud rate is listened to.
+/// Listening time at each further baud rate.
 const BAUD_TRIAL: Duration = Duration::from_millis(1_500);
-/// After all rates were tried in vain, they are tried again this much later.
+/// Pause after all rates failed, before they are tried again.
 const BAUD_PAUSE: Duration = Duration::from_secs(30);
-/// A board that answers should be heard firing within this.
+/// A board that answers should fire its sensors within this time.
 const FIRST_ECHO: Duration = Duration::from_secs(5);
 const STALE: Duration = Duration::from_millis(500);
 const LOST: Duration = Duration::from_secs(2);
-/// A line that has been dead silent for this long is opened anew.
+/// Bytes arrive if the last ones are younger than this.
+const BYTES_ARRIVE: Duration = Duration::from_millis(300);
+/// A link silent for this long is reopened.
 const REOPEN: Duration = Duration::from_secs(10);
-/// A tick that comes so late says that the machine slept, or the program was stopped: seconds.
+/// A tick this late means that the machine slept or the program was stopped, seconds.
 const ASLEEP_S: f64 = 0.5;
-/// So many restarts of the board within this time are told.
+/// This many restarts within this time are reported.
 const RESTARTS: usize = 3;
 const RESTARTS_WITHIN_S: f64 = 30.0;
-/// Bytes kept to tell text from noise, and how many it takes.
+/// Bytes kept to distinguish text from noise, and the minimum for a decision.
 const SAMPLE: usize = 96;
 const MIN_TEXT: usize = 24;
 
-/// The line to the board.
+/// The link to the board.
 #[derive(Clone, Debug)]
 pub struct Link {
     state: LinkState,
-    cause: String,
+    cause: LinkCause,
     port: String,
     wanted_baud: u32,
     baud: u32,
-    /// The next of the usual rates to try.
+    /// Index of the next usual rate to try.
     trial: usize,
-    /// When something was last to be waited for: the opening, a new rate, the first frame, the last echo.
+    /// Start of the current wait: the opening, a new rate, the first frame, the last echo.
     since: Timestamp,
-    /// Bytes, frames and fired groups at that time.
+    /// Bytes, frames and sensor groups at that time.
     bytes: u64,
     frames: u64,
     groups: u64,
@@ -144,12 +150,12 @@ pub struct Link {
 }
 
 impl Link {
-    /// A line whose port is not open, meant to run at `baud`.
+    /// A link whose port is not open, configured for `baud`.
     #[must_use]
     pub fn new(baud: u32) -> Self {
         Self {
             state: LinkState::Searching,
-            cause: String::new(),
+            cause: LinkCause::NotOpened,
             port: String::new(),
             wanted_baud: baud,
             baud,
@@ -167,19 +173,19 @@ impl Link {
         }
     }
 
-    /// The state now.
+    /// Current state.
     #[must_use]
     pub fn state(&self) -> LinkState {
         self.state
     }
 
-    /// Why it is that, in words.
+    /// Cause of the state.
     #[must_use]
-    pub fn cause(&self) -> &str {
+    pub fn cause(&self) -> &LinkCause {
         &self.cause
     }
 
-    /// Bits per second now: the port is to be opened with these.
+    /// Current bits per second: open the port with these.
     #[must_use]
     pub fn baud(&self) -> u32 {
         self.baud
@@ -188,7 +194,7 @@ impl Link {
     /// The port could not be opened, or is gone.
     pub fn closed(&mut self, at: Timestamp, cause: impl Into<String>) {
         self.remedy = None;
-        self.change(at, LinkState::Searching, cause.into());
+        self.change(at, LinkState::Searching, LinkCause::Closed(cause.into()));
     }
 
     /// The port named `port` is open.
@@ -196,10 +202,11 @@ impl Link {
         self.port = port.into();
         self.trial = 0;
         self.listen(at, reception);
-        self.change(at, LinkState::Listening, format!("{} is open at {} baud", self.port, self.baud));
+        let cause = LinkCause::Opened { port: self.port.clone(), baud: self.baud };
+        self.change(at, LinkState::Listening, cause);
     }
 
-    /// `bytes` have been read and handed to the pipeline, which has now received `reception`.
+    /// `bytes` were read and passed to the pipeline, which has received `reception` by now.
     pub fn heard(&mut self, at: Timestamp, bytes: &[u8], reception: &Reception<'_>) {
         self.heard_at = at;
         self.bytes += bytes.len() as u64;
@@ -208,13 +215,14 @@ impl Link {
         self.count_restarts(at, reception);
         if reception.groups > self.groups {
             (self.groups, self.since) = (reception.groups, at);
-            self.change(at, LinkState::Streaming, format!("{} at {} baud", self.port, self.baud));
+            let cause = LinkCause::EchoesArrive { port: self.port.clone(), baud: self.baud };
+            self.change(at, LinkState::Streaming, cause);
         } else if self.state == LinkState::Listening && reception.frames > self.frames {
             self.greet(at, reception);
         } else if self.state == LinkState::Handshake
             && let Some(refusal) = reception.board.refusal()
         {
-            self.change(at, LinkState::Handshake, refusal);
+            self.change(at, LinkState::Handshake, LinkCause::Refused(refusal));
         }
     }
 
@@ -222,7 +230,7 @@ impl Link {
     pub fn tick(&mut self, at: Timestamp, reception: &Reception<'_>) {
         let Some(deadline) = self.deadline().filter(|deadline| *deadline <= at) else { return };
         if at.seconds_since(deadline) > ASLEEP_S {
-            // The program was not there to hear: it begins to wait now.
+            // The program did not run, so it missed the bytes: the wait starts now.
             self.since = at;
             return;
         }
@@ -230,16 +238,13 @@ impl Link {
             LinkState::Searching => {}
             LinkState::Listening => self.try_on(at, reception),
             LinkState::Handshake => {
-                let words = "the board answers but fires no sensor; `slamd doctor` looks closer";
                 self.since = at;
                 if !reception.board.is_refused() {
-                    self.change(at, LinkState::Handshake, words.into());
+                    self.change(at, LinkState::Handshake, LinkCause::NoPings);
                 }
             }
-            LinkState::Streaming => {
-                self.change(at, LinkState::Stale, format!("no echoes for 0.5 s; {}", self.rest(at)))
-            }
-            LinkState::Stale => self.change(at, LinkState::Lost, format!("no echoes for 2 s; {}", self.rest(at))),
+            LinkState::Streaming => self.change(at, LinkState::Stale, self.no_echoes(at, STALE)),
+            LinkState::Stale => self.change(at, LinkState::Lost, self.no_echoes(at, LOST)),
             LinkState::Lost => {
                 if self.heard_at + LOST > at {
                     self.since = at;
@@ -251,7 +256,7 @@ impl Link {
         }
     }
 
-    /// When [`Link::tick`] is due, if at all.
+    /// When [`Link::tick`] is due; none without a wait.
     #[must_use]
     pub fn deadline(&self) -> Option<Timestamp> {
         let wait = match self.state {
@@ -267,60 +272,56 @@ impl Link {
         Some(self.since + wait)
     }
 
-    /// The next change to be told.
+    /// The next change.
     pub fn poll_change(&mut self) -> Option<LinkChange> {
         self.changes.pop_front()
     }
 
-    /// What to do to the port now.
+    /// What to do to the port now, if anything.
     pub fn take_remedy(&mut self) -> Option<Remedy> {
         self.remedy.take()
     }
 
-    fn change(&mut self, at: Timestamp, state: LinkState, cause: String) {
+    fn change(&mut self, at: Timestamp, state: LinkState, cause: LinkCause) {
         if state != self.state || cause != self.cause {
             (self.state, self.cause) = (state, cause.clone());
             self.changes.push_back(LinkChange { at, state, cause });
         }
     }
 
-    /// From now on what comes is counted anew.
+    /// Restarts the wait and its counts.
     fn listen(&mut self, at: Timestamp, reception: &Reception<'_>) {
         (self.since, self.heard_at) = (at, at);
         (self.bytes, self.frames, self.groups) = (0, reception.frames, reception.groups);
         self.sample.clear();
     }
 
-    /// The first good frame.
+    /// The first valid frame arrived.
     fn greet(&mut self, at: Timestamp, reception: &Reception<'_>) {
         self.since = at;
         let cause = if reception.echoed == reception.frames {
-            "the line echoes what slamd sends: the board's receive and transmit wires touch".into()
+            LinkCause::Echo
         } else if let Some(refusal) = reception.board.refusal() {
-            refusal
+            LinkCause::Refused(refusal)
         } else if self.baud == self.wanted_baud {
-            format!("the board speaks at {} baud", self.baud)
+            LinkCause::BoardSpeaks { baud: self.baud }
         } else {
-            let (found, wanted) = (self.baud, self.wanted_baud);
-            format!("the board speaks at {found} baud, not at {wanted}: start slamd with --baud {found}")
+            LinkCause::OtherBaud { found: self.baud, wanted: self.wanted_baud }
         };
         self.change(at, LinkState::Handshake, cause);
     }
 
-    /// Nothing good came at this rate: says what did, and tries the next.
+    /// No valid frame arrived at this rate: reports what did, and tries the next.
     fn try_on(&mut self, at: Timestamp, reception: &Reception<'_>) {
         if let Some(text) = self.text() {
-            let words = "no slamd frames: flash protocol/firmware, or name the board's port";
-            if !self.cause.starts_with("wrong firmware") {
-                let cause = format!("wrong firmware: the board prints \"{text}\" and {words}");
-                self.change(at, LinkState::Listening, cause);
+            if !matches!(self.cause, LinkCause::WrongFirmware { .. }) {
+                self.change(at, LinkState::Listening, LinkCause::WrongFirmware { text });
             }
             return self.listen(at, reception);
         }
-        let noise = self.bytes > 0;
         if self.trial == 0 {
-            let what = if noise { "noise: bytes arrive but no valid frame" } else { "silence: nothing arrives" };
-            let cause = format!("{what} at {} baud; trying other rates", self.baud);
+            let baud = self.baud;
+            let cause = if self.bytes > 0 { LinkCause::Noise { baud } } else { LinkCause::Silence { baud } };
             self.change(at, LinkState::Listening, cause);
         }
         let next = USUAL_BAUDS.iter().skip(self.trial).position(|&baud| baud != self.wanted_baud);
@@ -336,19 +337,18 @@ impl Link {
             }
             _ => {
                 (self.trial, self.baud) = (USUAL_BAUDS.len() + 1, self.wanted_baud);
-                let advice = if self.cause.starts_with("noise") {
-                    "noise: bytes arrive but no valid frame at any usual rate: is another firmware on the board, or its ground wire loose?"
-                } else {
-                    "silence: the board says nothing at any usual rate: is it powered, flashed with protocol/firmware, and is this its port (`slamd ports`)?"
+                let cause = match self.cause {
+                    LinkCause::Noise { .. } | LinkCause::NoiseAtAllRates => LinkCause::NoiseAtAllRates,
+                    _ => LinkCause::SilenceAtAllRates,
                 };
-                self.change(at, LinkState::Listening, advice.into());
+                self.change(at, LinkState::Listening, cause);
             }
         }
         self.remedy = Some(Remedy::Baud(self.baud));
         self.listen(at, reception);
     }
 
-    /// The beginning of the text that the board prints, if it prints text.
+    /// Start of the text that the board prints, if it prints text.
     fn text(&self) -> Option<String> {
         let is_text = |byte: &u8| (b' '..=b'~').contains(byte) || matches!(byte, b'\r' | b'\n' | b'\t');
         let printed = self.sample.iter().filter(|byte| is_text(byte)).count();
@@ -361,13 +361,8 @@ impl Link {
         Some(line.chars().take(40).collect())
     }
 
-    /// What still arrives while the ring is not heard.
-    fn rest(&self, at: Timestamp) -> &'static str {
-        if self.heard_at + Duration::from_millis(300) > at {
-            "bytes still arrive: noise on the line, or the board has ceased to fire"
-        } else {
-            "silence: check the cable and the board's supply"
-        }
+    fn no_echoes(&self, at: Timestamp, elapsed: Duration) -> LinkCause {
+        LinkCause::NoEchoes { elapsed, do_bytes_arrive: self.heard_at + BYTES_ARRIVE > at }
     }
 
     fn count_restarts(&mut self, at: Timestamp, reception: &Reception<'_>) {
@@ -380,10 +375,8 @@ impl Link {
         let is_often = self.restarted.len() == RESTARTS
             && self.restarted.front().is_some_and(|first| at.seconds_since(*first) < RESTARTS_WITHIN_S);
         if is_often {
-            let cause =
-                "the board restarts again and again: its supply breaks down; feed sensors and motors from their own";
             self.restarted.clear();
-            self.change(at, self.state, cause.into());
+            self.change(at, self.state, LinkCause::Restarts);
         }
     }
 }

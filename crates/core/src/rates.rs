@@ -1,38 +1,38 @@
-//! Counters → how much of it per second, lately.
+//! Counters → rates per second over the last two seconds.
 
 use crate::event::Counters;
 use crate::time::Timestamp;
 use std::collections::VecDeque;
 
-/// Per second.
+/// Rates, per second.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Rates {
     /// Sweeps used.
     pub sweeps: f64,
-    /// Good frames.
+    /// Valid frames.
     pub frames: f64,
-    /// Bad frames.
+    /// Frames with a wrong checksum.
     pub crc_errors: f64,
     /// Missing frames.
     pub lost_frames: f64,
-    /// Sweeps given up.
+    /// Sweeps dropped.
     pub dropped_sweeps: f64,
 }
 
-/// Compares counters with those of about two seconds ago.
+/// Compares counters with those from about two seconds ago.
 #[derive(Clone, Debug, Default)]
 pub struct RateMeter {
     past: VecDeque<(Timestamp, Counters)>,
 }
 
-/// Rates are means over this long, seconds.
+/// Rates are means over this time, seconds.
 const WINDOW_S: f64 = 2.0;
-/// Over less than this a rate means nothing, seconds.
+/// A rate over less time than this means nothing, seconds.
 const MIN_S: f64 = 0.25;
 const MAX_KEPT: usize = 64;
 
 impl RateMeter {
-    /// Takes the counters at `at`; the rates up to there, 0 while too little time has passed.
+    /// Adds the counters at `at`. Returns the rates up to then; 0 while too little time has passed.
     pub fn rates(&mut self, at: Timestamp, now: Counters) -> Rates {
         self.past.push_back((at, now));
         while self.past.len() > MAX_KEPT
@@ -45,7 +45,7 @@ impl RateMeter {
         if seconds < MIN_S {
             return Rates::default();
         }
-        // A late frame takes itself off the missing ones again: a rate below zero is none.
+        // A late frame reduces the number of missing ones, so the difference can be negative: the rate is then 0.
         let per_second = |now: u64, then: u64| now.saturating_sub(then) as f64 / seconds;
         Rates {
             sweeps: per_second(now.sweeps, then.sweeps),

@@ -1,7 +1,7 @@
-//! What a run remembers beyond its end: plain numbers, in the order in which a session file holds them.
+//! The state that a run saves at its end: plain numbers, in the order of a session file.
 //!
-//! Each stage writes and reads its own part; nobody else interprets it. Nothing here is checked beyond its form: whoever restores a
-//! part refuses numbers that cannot be ([`crate::session_file`] has the bytes).
+//! Each stage writes and reads its own part, and refuses impossible numbers with [`InvalidState`] when it restores the part. The
+//! types here check nothing but their form. The daemon's session file stores the bytes.
 
 #![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
 #![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
@@ -11,14 +11,14 @@ use crate::event::{Calibration, Event, FaultEvent, SensorState};
 use crate::time::Timestamp;
 use serde::{Deserialize, Serialize};
 
-/// Everything that the walls method remembers.
+/// Saved state of the default method.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SavedState {
     /// Pose, wheels and the walls near the robot.
     pub filter: FilterState,
     /// The walls in the filter, in its order.
     pub walls: Vec<LandmarkState>,
-    /// The walls out of the filter's sight.
+    /// The walls that are not in the filter.
     pub inactive: Vec<InactiveLandmarkState>,
     /// The map.
     pub map: MapState,
@@ -27,7 +27,7 @@ pub struct SavedState {
 }
 
 impl SavedState {
-    /// The remembered faults of a ring of `sensors`, told again.
+    /// The saved faults of a ring of `sensors`, as events.
     pub fn faults(&self, at: Timestamp, sensors: usize) -> impl Iterator<Item = Event> {
         self.sensors.iter().take(sensors).enumerate().filter_map(move |(sensor, SensorHistory { state, .. })| {
             match state {
@@ -50,7 +50,7 @@ pub struct FilterState {
     pub offsets_m: Vec<f64>,
     /// The lower triangle of P, row by row, the robot's part first.
     pub covariance: Vec<f64>,
-    /// What the wheel errors are relative to.
+    /// Nominal wheels; the wheel errors in `robot` are relative to these.
     pub nominal: Calibration,
 }
 
@@ -59,15 +59,15 @@ pub struct FilterState {
 pub struct LandmarkState {
     /// The side it is seen from: 0 for +x, then +y, −x, −y.
     pub side: u8,
-    /// Where along it it has been seen, metres.
+    /// Start of its seen extent along the wall, metres.
     pub lo_m: f64,
-    /// The other end.
+    /// End of its seen extent, metres.
     pub hi_m: f64,
     /// Sweeps that have seen it.
     pub hits: u32,
 }
 
-/// A wall out of the filter's sight.
+/// A wall that is not in the filter.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct InactiveLandmarkState {
     /// The wall.
@@ -83,20 +83,20 @@ pub struct InactiveLandmarkState {
 pub struct MapState {
     /// Side of a cell, metres.
     pub cell_m: f64,
-    /// The tiles in the order of their places.
+    /// The tiles, ordered by position.
     pub tiles: Vec<TileState>,
 }
 
 /// One tile of the grid.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TileState {
-    /// Its place in tiles from the origin.
+    /// Its position along x, in tiles from the origin.
     pub column: i32,
     /// The same along y.
     pub row: i32,
     /// Log-odds in hundredths, row by row.
     pub log_odds: Vec<i16>,
-    /// Per row two sets of 32 bits, bit i for column i: a wall there faces along x, along y.
+    /// Per row two sets of 32 bits, bit i for column i: the wall there faces along x, along y.
     pub normal: Vec<[u32; 2]>,
 }
 
@@ -105,11 +105,11 @@ pub struct TileState {
 pub struct SensorHistory {
     /// Its state.
     pub state: SensorState,
-    /// How often it was found faulty, less what good conduct has undone: the more, the slower it is trusted again.
+    /// Number of faults, reduced by fault-free time. The more, the longer a recovery must last before the sensor is used again.
     pub recurrences: f64,
 }
 
-/// A part of a memory that cannot be.
+/// A part of the saved state is impossible.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct InvalidState(pub &'static str);

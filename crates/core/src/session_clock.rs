@@ -1,6 +1,6 @@
 //! Session time: which deadlines are due before an input, and when each is handled.
 //!
-//! Whoever plays a capture must do this alike, or gets another map.
+//! [`crate::driver::Driver`] asks it; another order of deadlines and inputs would give another map.
 
 use crate::time::Timestamp;
 
@@ -14,6 +14,12 @@ pub struct SessionClock {
 const MAX_SILENCE_US: u64 = 60_000_000;
 
 impl SessionClock {
+    /// A clock at the session's zero.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { now: Timestamp::from_us(0) }
+    }
+
     /// The latest instant reached.
     #[must_use]
     pub const fn now(&self) -> Timestamp {

@@ -1,4 +1,4 @@
-//! Brings the board's settings in line with the robot's configuration: asks for each value, sets what differs, looks again.
+//! Brings the board's settings in line with the robot's configuration: gets each value, sets what differs, gets it again.
 
 #![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
 #![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
@@ -6,7 +6,7 @@
 
 use slamd_protocol::{AckResult, Message, Setting, kind};
 
-/// What the configuration wants of the board.
+/// The board's settings that the configuration names.
 #[derive(Clone, Debug, Default)]
 pub struct Settings {
     wanted: Vec<Wanted>,
@@ -28,25 +28,25 @@ enum Step {
     Done,
 }
 
-/// Questions without an answer before a setting is given up.
+/// Unanswered questions before a setting is given up.
 const MAX_ASKED: u8 = 20;
 
 impl Settings {
-    /// Settings wanted; none asks nothing.
+    /// The wanted settings; without any, no question is asked.
     #[must_use]
     pub fn new(wanted: impl IntoIterator<Item = (Setting, i32)>) -> Self {
         let wanted = wanted.into_iter().map(|(setting, value)| Wanted { setting, value, next: Step::Get, asked: 0 });
         Self { wanted: wanted.collect() }
     }
 
-    /// The board has restarted or may be another one: all is asked again.
+    /// The board restarted or may be another one: asks for all values again.
     pub fn restart(&mut self) {
         for wanted in &mut self.wanted {
             (wanted.next, wanted.asked) = (Step::Get, 0);
         }
     }
 
-    /// What to say to the board next; none once all is as wanted.
+    /// The next message to the board; none once all values are as wanted.
     #[must_use]
     pub fn question(&self) -> Option<Message> {
         let wanted = self.wanted.iter().find(|wanted| wanted.next != Step::Done)?;
@@ -58,7 +58,7 @@ impl Settings {
         })
     }
 
-    /// The question has been sent once more. What to tell where it has been in vain too often.
+    /// The question was sent once more. Returns an error text after too many questions without an answer.
     pub fn asked(&mut self) -> Option<String> {
         let wanted = self.current()?;
         wanted.asked += 1;
@@ -68,7 +68,7 @@ impl Settings {
         })
     }
 
-    /// The board has told a value.
+    /// A value arrived.
     pub fn told(&mut self, key: u8, value: i32) {
         if let Some(wanted) = self.current()
             && wanted.setting.key() == key
@@ -78,7 +78,7 @@ impl Settings {
         }
     }
 
-    /// A command's result. What to tell where the board does not take the setting.
+    /// The result of a command arrived. Returns an error text if the board does not accept the setting.
     pub fn acknowledged(&mut self, of_type: u8, result: AckResult) -> Option<String> {
         let wanted = self.current()?;
         let name = wanted.setting.name();

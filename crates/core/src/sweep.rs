@@ -1,4 +1,4 @@
-//! One sweep: every sensor of the ring heard once, moved to a common reference instant.
+//! One sweep: one reading of every sensor of the ring, moved to a common reference instant.
 //!
 //! This is the paper's reading vector V\[k\] = \[x_1..x_n, y_1..y_n, X, Y, theta\] (equation 1) before it is flattened, with the
 //! age and the validity of each element beside it. Ranges follow REP-117: a finite value is a measurement, +∞ is "nothing
@@ -11,12 +11,12 @@
 use crate::geometry::{Point, Pose2};
 use crate::time::Timestamp;
 
-/// What the board said instead of a time of flight.
+/// Why there is no time of flight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoMeasurement {
-    /// The message that would hold it did not arrive: this says nothing about the sensor.
+    /// Its message did not arrive: this says nothing about the sensor.
     Lost,
-    /// The sensor's group fired, but the board had nothing to say of the sensor: it never answered.
+    /// The sensor's group fired, but the message has no entry for the sensor: it did not answer.
     Absent,
     /// The echo pin is stuck.
     EchoPinStuck,
@@ -44,13 +44,13 @@ pub struct Beam {
 }
 
 impl Beam {
-    /// True where the beam measured a distance.
+    /// True if the beam measured a distance.
     #[must_use]
     pub fn has_range(&self) -> bool {
         self.range_m.is_finite()
     }
 
-    /// True where the beam heard nothing within its range.
+    /// True if the beam received no echo within its range.
     #[must_use]
     pub fn is_clear(&self) -> bool {
         self.range_m > 0.0 && self.range_m.is_infinite()

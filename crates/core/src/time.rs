@@ -6,7 +6,7 @@
 
 use std::time::Duration;
 
-/// Host time in microseconds since the session began; it never runs back.
+/// Host time in microseconds since the session began; it never decreases.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Timestamp(u64);
 
@@ -35,7 +35,7 @@ macro_rules! clock {
                 self.0 as f64 * 1e-6
             }
 
-            /// Seconds from `earlier` to here, negative where `earlier` is later.
+            /// Seconds from `earlier` to here, negative if `earlier` is later.
             #[must_use]
             pub fn seconds_since(self, earlier: Self) -> f64 {
                 self.0.wrapping_sub(earlier.0).cast_signed() as f64 * 1e-6

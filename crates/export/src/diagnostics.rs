@@ -1,7 +1,7 @@
 //! `diagnostic_msgs/msg/DiagnosticArray`: one status per sensor, one for the wheel encoders, one for the place in the map.
 
 use super::message::{Stamp, sonar, with_header};
-use slamd_core::event::{EncoderState, Event, LockChange, SensorState, Wheel};
+use slamd_core::event::{EncoderState, Event, LocalizationChange, SensorState, Wheel};
 use slamd_core::time::Timestamp;
 use std::time::Duration;
 
@@ -90,28 +90,29 @@ impl Diagnostics {
                 let status = Status::new(level, encoder.state.word(), encoder.reason.as_str(), Some(encoder.at));
                 self.encoders[usize::from(encoder.wheel == Wheel::Right)] = status;
             }
-            Event::Lock(lock) => {
-                self.place = match lock.change {
-                    LockChange::Lost => Status::new(
+            Event::Localization(event) => {
+                self.place = match &event.change {
+                    LocalizationChange::Lost => Status::new(
                         Level::Error,
                         "lost",
                         "position lost: what is heard contradicts the map",
-                        Some(lock.since),
+                        Some(event.since),
                     ),
-                    LockChange::Regained { .. } => {
-                        Status::new(Level::Ok, "known", "position found again", Some(lock.at))
+                    LocalizationChange::Regained { .. } => {
+                        Status::new(Level::Ok, "known", "position found again", Some(event.at))
                     }
-                    LockChange::Abandoned => Status::new(
+                    LocalizationChange::Abandoned => Status::new(
                         Level::Warn,
                         "doubtful",
                         "position not found: no other place explains what is heard",
-                        Some(lock.at),
+                        Some(event.at),
                     ),
+                    LocalizationChange::KnownMap(search) => {
+                        let (level, state) =
+                            if event.is_lost() { (Level::Error, "unknown") } else { (Level::Ok, "known") };
+                        Status::new(level, state, search.reason.as_str(), Some(event.at))
+                    }
                 };
-            }
-            Event::Position(position) => {
-                let (level, state) = if position.is_known { (Level::Ok, "known") } else { (Level::Error, "unknown") };
-                self.place = Status::new(level, state, position.reason.as_str(), Some(position.at));
             }
             Event::Estimate(estimate) if self.place.state == "unknown" => {
                 self.place = Status::new(Level::Ok, "known", "position known", Some(estimate.at));

@@ -14,9 +14,6 @@ use slamd_core::event::{FaultKind, SensorState};
 use slamd_core::time::Timestamp;
 use std::time::Duration;
 
-/// The kinds of fault, in the order of every table.
-pub const KINDS: [FaultKind; 4] = [FaultKind::Saturated, FaultKind::Missing, FaultKind::Noisy, FaultKind::Stuck];
-
 /// Sums of one kind.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct KindSums {
@@ -37,7 +34,7 @@ pub struct KindSums {
 /// Sums over all kinds and runs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Detection {
-    /// By kind, in the order of [`KINDS`].
+    /// By kind, in the order of [`FaultKind::ALL`].
     pub kinds: [KindSums; 4],
     /// Verdicts on sensors that did not fail.
     pub false_alarms: usize,
@@ -216,7 +213,7 @@ mod tests {
 
     #[test]
     fn kinds_stand_where_their_order_says() {
-        assert_eq!(KINDS.map(place), [0, 1, 2, 3]);
+        assert_eq!(FaultKind::ALL.map(place), [0, 1, 2, 3]);
     }
 
     #[test]

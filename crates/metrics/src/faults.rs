@@ -40,8 +40,7 @@ impl FromStr for TrueFault {
 fn parse(text: &str) -> Option<TrueFault> {
     let (sensor, rest) = text.split_once(':')?;
     let (word, span) = rest.split_once('@')?;
-    let kinds = [FaultKind::Saturated, FaultKind::Missing, FaultKind::Noisy, FaultKind::Stuck];
-    let kind = kinds.into_iter().find(|kind| kind.word() == word)?;
+    let kind = word.parse().ok()?;
     let time = |text: &str| {
         let time_s: f64 = text.strip_suffix('s').unwrap_or(text).parse().ok()?;
         Some(Timestamp::default() + Duration::try_from_secs_f64(time_s).ok()?)

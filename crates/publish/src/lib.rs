@@ -15,13 +15,13 @@ pub use pose_table::PoseTable;
 pub use sketch::{Sketch, Surroundings};
 pub use slamd_files::WriteError;
 use slamd_files::write_file;
-pub use summary::{EncoderFault, Latency, Summary};
+pub use summary::{EncoderFault, KnownMapPosition, Latency, Summary};
 pub use trajectory::Trajectory;
 
 use fault_log::FaultLog;
 use localization_log::LockLog;
 use slamd_core::config::Config;
-use slamd_core::event::{Calibration, Counters, EncoderState, Event, PositionEvent, SensorState, Wheel};
+use slamd_core::event::{Calibration, Counters, EncoderState, Event, LocalizationChange, SensorState, Wheel};
 use slamd_core::geometry::{Pose2, Ring};
 use slamd_core::mapping::raster::Raster;
 use slamd_core::time::Timestamp;
@@ -62,7 +62,7 @@ pub struct Outputs {
     accuracy: AccuracyMeter,
     faults: Option<FaultMeter>,
     encoders: [Option<EncoderFault>; 2],
-    position: Option<PositionEvent>,
+    position: Option<KnownMapPosition>,
     timings: Timings,
     delays: Timings,
 }
@@ -109,7 +109,12 @@ impl Outputs {
                     faults.estimate(estimate.at, estimate.at);
                 }
             }
-            Event::Lock(lock) => self.lock_log.append(lock),
+            Event::Localization(event) => {
+                if let LocalizationChange::KnownMap(search) = &event.change {
+                    self.position = Some(search.into());
+                }
+                self.lock_log.append(event);
+            }
             Event::Fault(fault) => {
                 self.fault_log.append(fault);
                 if let Some(faults) = &mut self.faults {
@@ -121,7 +126,6 @@ impl Outputs {
                 let wheel = usize::from(encoder.wheel == Wheel::Right);
                 self.encoders[wheel] = (encoder.state != EncoderState::Healthy).then(|| EncoderFault::new(encoder));
             }
-            Event::Position(position) => self.position = Some(position.clone()),
             Event::Board { .. }
             | Event::Ring { .. }
             | Event::BoardLog { .. }

@@ -1,7 +1,7 @@
 //! `lock.csv`: when the robot lost its pose and found it again, and since when its poses were uncertain.
 
 use super::WriteError;
-use slamd_core::event::{LockChange, LockEvent};
+use slamd_core::event::{LocalizationChange, LocalizationEvent};
 use slamd_files::PartFile;
 use std::path::Path;
 
@@ -19,17 +19,20 @@ impl LockLog {
         Ok(Self { file, losses: 0, uncertain_s: 0.0 })
     }
 
-    pub(super) fn append(&mut self, lock: &LockEvent) {
-        let change = match lock.change {
-            LockChange::Lost => "lost",
-            LockChange::Regained { .. } => "regained",
-            LockChange::Abandoned => "abandoned",
+    pub(super) fn append(&mut self, event: &LocalizationEvent) {
+        let change = match event.change {
+            LocalizationChange::Lost => "lost",
+            LocalizationChange::Regained { .. } => "regained",
+            LocalizationChange::Abandoned => "abandoned",
+            // The search in a known map goes to `summary.json`.
+            LocalizationChange::KnownMap(_) => return,
         };
-        match lock.change {
-            LockChange::Lost => self.losses += 1,
-            _ => self.uncertain_s += lock.at.seconds_since(lock.since),
+        if event.is_lost() {
+            self.losses += 1;
+        } else {
+            self.uncertain_s += event.at.seconds_since(event.since);
         }
-        let line = format!("{:.6},{change},{:.6}\n", lock.at.seconds(), lock.since.seconds());
+        let line = format!("{:.6},{change},{:.6}\n", event.at.seconds(), event.since.seconds());
         self.file.append(line.as_bytes());
     }
 

@@ -2,7 +2,7 @@
 
 use hdrhistogram::Histogram;
 use serde::Serialize;
-use slamd_core::event::{Calibration, Counters, EncoderEvent, PositionEvent};
+use slamd_core::event::{Calibration, Counters, EncoderEvent, KnownMapSearch, SearchState};
 use slamd_metrics::{Accuracy, FaultScore};
 use std::fmt;
 use std::time::Duration;
@@ -38,14 +38,31 @@ pub struct Summary {
     pub calibration: Option<Calibration>,
     /// The wheel encoders that were broken at the end.
     pub encoder_faults: Vec<EncoderFault>,
-    /// Where the robot is in a known map; none when the session did not search for it.
-    pub position: Option<PositionEvent>,
+    /// Result of the search for the pose in a known map; none if there was no search.
+    pub position: Option<KnownMapPosition>,
     /// Errors against the true path, where it is known.
     #[serde(flatten)]
     pub accuracy: Option<Accuracy>,
     /// The fault detector against the true faults, where they are known.
     #[serde(flatten)]
     pub faults: Option<FaultScore>,
+}
+
+/// Result of the search for the robot's pose in a known map.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct KnownMapPosition {
+    /// True if the pose is known.
+    pub is_known: bool,
+    /// Driving time since the search started, seconds.
+    pub driven_s: f64,
+    /// Explanation for people.
+    pub reason: String,
+}
+
+impl From<&KnownMapSearch> for KnownMapPosition {
+    fn from(search: &KnownMapSearch) -> Self {
+        Self { is_known: search.state == SearchState::Found, driven_s: search.driven_s, reason: search.reason.clone() }
+    }
 }
 
 /// A broken wheel encoder.

@@ -1,45 +1,16 @@
 //! Broken sensors: which, how and from when.
+//!
+//! How each kind is simulated:
+//!
+//! - saturated: the sensor never receives an echo;
+//! - missing: the sensor is in no message;
+//! - noisy: readings are 20-80 cm off, drawn anew for each;
+//! - stuck: the sensor repeats its last distance from before the fault, or the first one after it if there is none.
 
 use super::random::Random;
 use super::sonar::{MAX_RANGE_M, MIN_RANGE_M};
+use slamd_core::event::FaultKind;
 use std::str::FromStr;
-
-/// In which way a sensor is broken.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FaultKind {
-    /// It never hears an echo.
-    Saturated,
-    /// It is never in a message.
-    Missing,
-    /// Its readings are 20-80 cm off, each anew.
-    Noisy,
-    /// It repeats the last distance it measured before the fault; the first after it where there is none.
-    Stuck,
-}
-
-impl FaultKind {
-    /// The word used on the command line and in files.
-    #[must_use]
-    pub const fn word(self) -> &'static str {
-        match self {
-            Self::Saturated => "saturated",
-            Self::Missing => "missing",
-            Self::Noisy => "noisy",
-            Self::Stuck => "stuck",
-        }
-    }
-}
-
-impl FromStr for FaultKind {
-    type Err = String;
-
-    fn from_str(word: &str) -> Result<Self, String> {
-        [Self::Saturated, Self::Missing, Self::Noisy, Self::Stuck]
-            .into_iter()
-            .find(|kind| kind.word() == word)
-            .ok_or_else(|| format!("unknown fault kind \"{word}\": it is saturated, missing, noisy or stuck"))
-    }
-}
 
 /// One broken sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -137,9 +108,7 @@ impl FaultMix {
             }
             Self::Late => {
                 let each = usize::from(sensors / 16).max(1);
-                [FaultKind::Saturated, FaultKind::Missing, FaultKind::Noisy, FaultKind::Stuck]
-                    .map(|kind| vec![kind; each])
-                    .concat()
+                FaultKind::ALL.map(|kind| vec![kind; each]).concat()
             }
         };
         let from_s = if self == Self::Late { LATE_S } else { 0.0 };

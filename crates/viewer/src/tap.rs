@@ -3,7 +3,7 @@
 use super::mailbox::{Mailbox, NewMap, SinkUpdate};
 use super::snapshot::Snapshot;
 use slamd_core::driver::{Context, Update};
-use slamd_core::event::{Estimate, Event, LockChange, LockEvent, PositionEvent};
+use slamd_core::event::{Estimate, Event};
 use slamd_core::geometry::Ring;
 use slamd_core::mapping::grid::MapChange;
 use slamd_core::pipeline::Pipeline;
@@ -57,9 +57,8 @@ impl Tap {
                     self.show(context, earlier.at, earlier.sweep, Some(earlier));
                 }
             }
-            Update::Event(Event::Lock(LockEvent { change, .. })) => self.is_lost = *change == LockChange::Lost,
-            Update::Event(Event::Position(PositionEvent { is_known, .. })) => self.is_lost = !is_known,
-            Update::Event(_) => {}
+            Update::Event(Event::Localization(event)) => self.is_lost = event.is_lost(),
+            Update::Event(_) | Update::Transmit(_) => {}
             Update::Truth(at, pose) => {
                 if self.true_at.is_none_or(|last| at.seconds_since(last) >= TRUTH_PERIOD_S) {
                     self.true_at = Some(at);

@@ -20,16 +20,16 @@ pub mod status;
 
 mod state;
 
+use crate::failure::{Failure, Kind};
 use crate::fleet_file::FleetFile;
 use crate::name::{Name, Topic, key};
 use crate::network::{Endpoint, listen};
 use crate::session::SessionId;
 use crate::wire::{Grid, Pose, Status, Sweep, from_json};
-use state::HubState;
 use heard::Kind as Put;
 use replica::Played;
-use slamd::cli::{Failure, Kind};
 use slamd_files::private::create_folder;
+use state::HubState;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};

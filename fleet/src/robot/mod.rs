@@ -3,6 +3,7 @@
 pub mod shelf;
 
 use crate::clock::{Moment, wait};
+use crate::failure::{Failure, Kind};
 use crate::follow::{Follow, Grip};
 use crate::name::{Name, Topic, key};
 use crate::network::{Endpoint, connect};
@@ -10,7 +11,6 @@ use crate::player::{PlayError, Player, Report};
 use crate::session::SessionId;
 use crate::wire::{Grid, MAX_SESSIONS, Status, VERSION, to_json};
 use shelf::{Book, Extent, Shelf};
-use slamd::cli::{Failure, Kind};
 use slamd_core::time::Timestamp;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};

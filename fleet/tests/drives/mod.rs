@@ -5,13 +5,13 @@
 use slamd_capture::{CaptureInfo, CaptureWriter, Record};
 use slamd_core::config::Config;
 use slamd_core::geometry::{Point, Pose2};
+use slamd_fleet::player::Player;
+use slamd_fleet::wire::Grid;
 use slamd_sim::fault::FaultMix;
 use slamd_sim::link::LinkFaults;
 use slamd_sim::simulation::{SimConfig, Simulation, session};
 use slamd_sim::sonar::BeamShape;
 use slamd_sim::world::World;
-use slamd_fleet::player::Player;
-use slamd_fleet::wire::Grid;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
@@ -56,14 +56,10 @@ impl Drive {
         let mut capture = CaptureWriter::create(path, &info).unwrap();
         let mut start = None;
         for record in session(simulation) {
-            match record {
-                Record::Received { at, bytes } => capture.received(at, &bytes).unwrap(),
-                Record::Sent { at, bytes } => capture.sent(at, &bytes).unwrap(),
-                Record::Truth { at, pose } => {
-                    start.get_or_insert(pose);
-                    capture.truth(at, pose).unwrap();
-                }
+            if let Record::Truth { pose, .. } = record {
+                start.get_or_insert(pose);
             }
+            capture.record(&record).unwrap();
         }
         capture.finish().unwrap();
         start.unwrap()

@@ -7,7 +7,7 @@ use super::{Failure, Kind, config, terminal};
 use crate::doctor::{Examination, Report};
 use crate::port::PortName;
 use clap::{ArgGroup, Args};
-use slamd_capture::{CaptureReader, Record};
+use slamd_capture::CaptureReader;
 use std::path::{Path, PathBuf};
 
 const HELP: &str = "Examples:
@@ -73,13 +73,7 @@ impl DoctorArgs {
         for record in &mut capture {
             let record = record?;
             terminal::show(&bar, record.at().seconds());
-            match record {
-                Record::Received { at, bytes } => examination.received(at, &bytes),
-                Record::Sent { at, bytes } => examination.sent(at, &bytes),
-                Record::Truth { .. } => {}
-            }
-            // What was really sent is in the capture.
-            examination.take_transmit();
+            examination.feed(&record);
         }
         bar.finish_and_clear();
         if let Some(damage) = capture.damage() {

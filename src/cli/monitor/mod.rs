@@ -81,7 +81,7 @@ impl MonitorArgs {
         let mut screen = self.screen(log, &shutdown)?;
         let mut sampler = Sampler::new(&config, screen.slot());
         let end = self.live.drive(port, config, &self.output, (runtime, &mut shutdown), &mut |link, session| {
-            sampler.sample(session, || Line::new(link.state(), link.cause()));
+            sampler.sample(session, || Line::new(link.state(), link.cause().to_string()));
         });
         // What is said from here on is for the terminal as it was; to one that takes nothing, nothing is said.
         match end {

@@ -33,7 +33,7 @@ pub(super) async fn play(
             () = tokio::time::sleep_until(due.into()) => {}
             () = shutdown.requested() => return Ok(()),
         }
-        step(session, record)?;
+        step(session, &record)?;
         sampler.sample(Some(session), || line("playing", format!("{name} at {speed} x its speed"), Tone::Good));
     }
     let mut cause = format!("{name} is over; q quits");

@@ -1,8 +1,8 @@
-//! The terminal and the thread that draws on it. Nobody ever waits for it: it takes the newest snapshot there is.
+//! The terminal and the thread that draws on it. The pipeline never waits for it: it draws the newest dashboard.
 
 use super::log::Log;
 use super::sampler::Slot;
-use crate::monitor::{Look, Snapshot, View, draw};
+use crate::monitor::{Dashboard, Look, View, draw};
 use ratatui::crossterm::cursor::Show;
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use ratatui::crossterm::execute;
@@ -52,7 +52,7 @@ impl Screen {
             look,
             view: View::default(),
             slot: Arc::clone(&slot),
-            snapshot: Snapshot::default(),
+            dashboard: Dashboard::default(),
         };
         let thread = {
             let desk = Arc::clone(&desk);
@@ -135,7 +135,7 @@ struct Painter {
     look: Look,
     view: View,
     slot: Slot,
-    snapshot: Snapshot,
+    dashboard: Dashboard,
 }
 
 impl Painter {
@@ -168,15 +168,15 @@ impl Painter {
     fn picture(&mut self, desk: &Desk) -> io::Result<()> {
         let newest = self.slot.lock().unwrap_or_else(PoisonError::into_inner).take();
         if let Some(newest) = newest.filter(|_| !self.view.paused) {
-            self.snapshot = newest;
+            self.dashboard = newest;
         }
         let log = self.log.lines();
         let _pen = desk.pen.lock().unwrap_or_else(PoisonError::into_inner);
         if desk.closed.load(Ordering::Relaxed) {
             return Ok(());
         }
-        let (snapshot, view, look) = (&self.snapshot, self.view, self.look);
-        self.terminal.draw(|frame| draw(frame.area(), frame.buffer_mut(), snapshot, &log, view, look))?;
+        let (dashboard, view, look) = (&self.dashboard, self.view, self.look);
+        self.terminal.draw(|frame| draw(frame.area(), frame.buffer_mut(), dashboard, &log, view, look))?;
         Ok(())
     }
 }

@@ -1,14 +1,15 @@
 //! Board clock → host clock.
 //!
-//! The board stamps with 32 bits of microseconds that wrap every 71.6 minutes, from a resonator that is off by up to one per cent.
-//! [`Widener`] removes the wrap. [`ClockMap`] fits offset and rate.
+//! The board's stamps are 32 bits of microseconds. They wrap every 71.6 minutes and come from a resonator with an error of up
+//! to 1 %. [`Widener`] removes the wrap. [`ClockMap`] fits offset and rate.
 //!
-//! A round trip is a pair of bounds on `host − board`: a request is received after it was sent, and an answer arrives after it was
-//! given. What delays them (a USB bridge holds bytes for up to 16 ms) only loosens the bounds. So of all rates the one is taken that
-//! leaves the widest strip between the bounds of the last minute, and the line in its middle is wrong by no more than half the
-//! difference of the least delays there and back. (The idea of Zhang, Liu and Xia, "Clock synchronization algorithms for network
-//! measurements", INFOCOM 2002.) Where the board answers nothing, a line through the least delayed arrivals has to do.
+//! A round trip bounds `host − board` from both sides: the board receives a request after it was sent, and the answer arrives
+//! after it was given. Delays (a USB bridge holds bytes for up to 16 ms) only loosen the bounds. [`ClockMap`] chooses the rate
+//! that leaves the widest strip between the bounds of the last minute. The line in the strip's middle is wrong by at most half
+//! the difference of the minimum delays there and back. (After Zhang, Liu and Xia, "Clock synchronization algorithms for
+//! network measurements", INFOCOM 2002.) If the board does not answer, a line through the least delayed arrivals serves.
 
+use super::params::Params;
 use crate::time::{DeviceTime, Timestamp};
 use std::collections::VecDeque;
 
@@ -16,19 +17,23 @@ use std::collections::VecDeque;
 #[derive(Clone, Debug, Default)]
 pub struct Widener {
     newest: Option<DeviceTime>,
+    params: Params,
 }
 
-/// A stamp further back than this is no late message but a board that began anew.
-const RESET_BACK_US: i64 = 1_000_000;
-
 impl Widener {
-    /// The board time that `t_us` stands for, given what came before; `None` where the clock has jumped back: the board has restarted.
+    /// A widener that has seen no stamp.
+    #[must_use]
+    pub fn new(params: Params) -> Self {
+        Self { newest: None, params }
+    }
+
+    /// Board time of the stamp `t_us`, given the stamps before; `None` if the clock jumped back, so the board restarted.
     pub fn widen(&mut self, t_us: u32) -> Option<DeviceTime> {
-        // The first stamp is put one wrap up, so that a message stamped a little earlier still has a time.
+        // The first stamp gets one wrap, so that a message with a slightly earlier stamp still has a time.
         let newest = self.newest.unwrap_or_else(|| DeviceTime::from_us((1 << 32) + u64::from(t_us)));
         #[expect(clippy::cast_possible_truncation, reason = "the low half is meant")]
         let step = i64::from(t_us.wrapping_sub(newest.us() as u32).cast_signed());
-        if step < -RESET_BACK_US {
+        if step < -self.params.reset_back_us {
             return None;
         }
         let time = DeviceTime::from_us(newest.us().saturating_add_signed(step));
@@ -36,20 +41,20 @@ impl Widener {
         Some(time)
     }
 
-    /// Forgets the board's past after a restart.
+    /// Forgets all stamps after a restart.
     pub fn reset(&mut self) {
-        *self = Self::default();
+        self.newest = None;
     }
 }
 
-/// A message's arrival: `host − board` is less than this.
+/// A message's arrival: an upper bound of `host − board`.
 #[derive(Clone, Copy, Debug)]
 struct Arrival {
     board_s: f64,
     offset_s: f64,
 }
 
-/// A round trip: `host − board` is at least `low_s` where the request was received and at most `high_s` where it was answered.
+/// A round trip: `host − board` is at least `low_s` at `received_s` and at most `high_s` at `answered_s`.
 #[derive(Clone, Copy, Debug)]
 struct RoundTrip {
     received_s: f64,
@@ -65,8 +70,9 @@ pub struct ClockMap {
     arrivals: VecDeque<Arrival>,
     trips: VecDeque<RoundTrip>,
     line: Option<Line>,
-    /// The rate before anything has been measured: that of the board's former life.
+    /// The rate before the first measurement: the one from before the last reset.
     rate: f64,
+    params: Params,
 }
 
 /// `host = board + offset + rate * (board − at)`.
@@ -77,24 +83,17 @@ struct Line {
     rate: f64,
 }
 
-/// What is older than this says nothing of now: resonators warm up.
-const WINDOW_S: f64 = 60.0;
-/// Most round trips kept.
-const MAX_TRIPS: usize = 256;
-/// Not even a rate learnt within a second lets the board's clock run ahead by so much, seconds.
-const MAX_AHEAD_S: f64 = 0.2;
-/// No board is off by more.
-const MAX_RATE: f64 = 0.02;
-/// What speaks for the rate known before: a rate that differs from it by 1 % must leave a strip this much wider, seconds.
-const RATE_PRIOR_S: f64 = 3e-4;
-/// The rate through arrivals alone is drawn towards the one known before as by this much, seconds squared.
-const ARRIVAL_PRIOR_S2: f64 = 30.0;
-
 impl ClockMap {
-    /// A message stamped `board` has arrived at `host`.
+    /// A map without measurements.
+    #[must_use]
+    pub fn new(params: Params) -> Self {
+        Self { params, ..Self::default() }
+    }
+
+    /// A message stamped `board` arrived at `host`.
     pub fn arrived(&mut self, board: DeviceTime, host: Timestamp) {
         let new = Arrival { board_s: board.seconds(), offset_s: host.seconds() - board.seconds() };
-        // Of arrivals in one second the earliest, relative to its stamp, was delayed least.
+        // Of the arrivals in one second keep the least delayed one.
         match self.arrivals.back_mut() {
             Some(last) if new.board_s.floor() <= last.board_s.floor() => {
                 if new.offset_s >= last.offset_s {
@@ -104,18 +103,18 @@ impl ClockMap {
             }
             _ => self.arrivals.push_back(new),
         }
-        while self.arrivals.front().is_some_and(|oldest| new.board_s - oldest.board_s > WINDOW_S) {
+        while self.arrivals.front().is_some_and(|oldest| new.board_s - oldest.board_s > self.params.window_s) {
             self.arrivals.pop_front();
         }
         if self.trips.is_empty() {
-            self.line = Some(through(&self.arrivals, self.rate));
+            self.line = Some(through(&self.arrivals, self.rate, &self.params));
         }
     }
 
-    /// A request that left at `sent` was received and answered by the board at `received` and `answered`; the answer came at `host`.
+    /// The board received a request sent at `sent`, answered it, and the answer arrived at `host`.
     pub fn round_trip(&mut self, sent: Timestamp, received: DeviceTime, answered: DeviceTime, host: Timestamp) {
         let trip_s = host.seconds_since(sent) - answered.seconds_since(received);
-        if !(0.0..1.0).contains(&trip_s) {
+        if !(0.0..self.params.max_trip_s).contains(&trip_s) {
             return;
         }
         self.trips.push_back(RoundTrip {
@@ -124,14 +123,15 @@ impl ClockMap {
             answered_s: answered.seconds(),
             high_s: host.seconds() - answered.seconds(),
         });
-        let is_old = |oldest: &RoundTrip| answered.seconds() - oldest.answered_s > WINDOW_S;
-        while self.trips.len() > MAX_TRIPS || self.trips.front().is_some_and(is_old) {
+        let Params { window_s, max_trips, .. } = self.params;
+        let is_old = |oldest: &RoundTrip| answered.seconds() - oldest.answered_s > window_s;
+        while self.trips.len() > max_trips || self.trips.front().is_some_and(is_old) {
             self.trips.pop_front();
         }
-        self.line = Some(widest(&self.trips, self.rate));
+        self.line = Some(widest(&self.trips, self.rate, &self.params));
     }
 
-    /// Host time of an instant of the board; none before the first message.
+    /// Host time of a board time; none before the first message.
     #[must_use]
     #[expect(
         clippy::cast_possible_truncation,
@@ -144,21 +144,22 @@ impl ClockMap {
         Some(Timestamp::from_us((host_s * 1e6).max(0.0).round() as u64))
     }
 
-    /// True where a message stamped `board` cannot have arrived at `host` already: one of the clocks has stood still, or has jumped.
+    /// True if a message stamped `board` cannot have arrived at `host` yet: one of the clocks stopped or jumped.
     #[must_use]
     pub fn is_impossible(&self, board: DeviceTime, host: Timestamp) -> bool {
-        self.host_time(board).is_some_and(|sent| sent.seconds_since(host) > MAX_AHEAD_S)
+        self.host_time(board).is_some_and(|sent| sent.seconds_since(host) > self.params.max_ahead_s)
     }
 
-    /// Forgets the past after a restart or a jump; the board's resonator is the same one.
+    /// Forgets the measurements after a restart or a jump. Keeps the rate: the resonator is the same.
     pub fn reset(&mut self) {
-        *self = Self { rate: self.line.map_or(self.rate, |line| line.rate), ..Self::default() };
+        let rate = self.line.map_or(self.rate, |line| line.rate);
+        *self = Self { rate, ..Self::new(self.params) };
     }
 }
 
-/// The middle of the widest strip between the bounds. The strip's width is a concave function of the rate: a ternary search finds
-/// its maximum.
-fn widest(trips: &VecDeque<RoundTrip>, rate: f64) -> Line {
+/// The middle of the widest strip between the bounds. The strip's width is a concave function of the rate, so a ternary search
+/// finds its maximum.
+fn widest(trips: &VecDeque<RoundTrip>, rate: f64, params: &Params) -> Line {
     let at_s = trips.back().map_or(0.0, |newest| newest.answered_s);
     let bounds = |rate: f64| {
         let (mut low_s, mut high_s) = (f64::NEG_INFINITY, f64::INFINITY);
@@ -170,11 +171,10 @@ fn widest(trips: &VecDeque<RoundTrip>, rate: f64) -> Line {
     };
     let merit = |candidate: f64| {
         let (low_s, high_s) = bounds(candidate);
-        high_s - low_s - RATE_PRIOR_S * ((candidate - rate) / 0.01).powi(2)
+        high_s - low_s - params.rate_prior_s * ((candidate - rate) / 0.01).powi(2)
     };
-    let (mut least, mut most) = (-MAX_RATE, MAX_RATE);
-    // (2/3)^36 of the range is a hundredth of a part per million.
-    for _ in 0..36 {
+    let (mut least, mut most) = (-params.max_rate, params.max_rate);
+    for _ in 0..params.search_steps {
         let (a, b) = (least + (most - least) / 3.0, most - (most - least) / 3.0);
         if merit(a) < merit(b) {
             least = a;
@@ -187,12 +187,12 @@ fn widest(trips: &VecDeque<RoundTrip>, rate: f64) -> Line {
     Line { at_s, offset_s: 0.5 * (low_s + high_s), rate }
 }
 
-/// The line through the arrivals by least squares.
-fn through(arrivals: &VecDeque<Arrival>, rate: f64) -> Line {
+/// Least-squares line through the arrivals.
+fn through(arrivals: &VecDeque<Arrival>, rate: f64, params: &Params) -> Line {
     let count = arrivals.len().max(1) as f64;
     let at_s = arrivals.iter().map(|arrival| arrival.board_s).sum::<f64>() / count;
     let offset_s = arrivals.iter().map(|arrival| arrival.offset_s).sum::<f64>() / count;
-    let (mut xx, mut xy) = (ARRIVAL_PRIOR_S2, ARRIVAL_PRIOR_S2 * rate);
+    let (mut xx, mut xy) = (params.arrival_prior_s2, params.arrival_prior_s2 * rate);
     for arrival in arrivals {
         let dx = arrival.board_s - at_s;
         xx += dx * dx;
@@ -222,8 +222,8 @@ mod tests {
         assert_eq!(widener.widen(1_000), None);
     }
 
-    /// A session with a board whose clock is off by `drift`, wraps after ten minutes and restarts after half of `length_s`, behind a
-    /// bridge that delays what comes from the board by up to `jitter_us`: the 99th percentile of the error of a ping's host time, ms.
+    /// 99th percentile of the error of a ping's host time, ms. The board's clock has the rate error `drift`, wraps after ten
+    /// minutes and restarts after half of `length_s`. A bridge delays its messages by up to `jitter_us`.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the low 32 bits of a positive time")]
     fn p99_error_ms(drift: f64, jitter_us: u64, length_s: u64) -> f64 {
         let mut map = ClockMap::default();
@@ -251,7 +251,7 @@ mod tests {
             if ms % 25 == 0 && ms >= 25 {
                 let board = widener.widen(clock_us(now_us - 25_000)).unwrap();
                 map.arrived(board, Timestamp::from_us(now_us + 3_000 + latency_us));
-                // The first second after a start is for asking; no sweep is used as early as that.
+                // No sweep is used in the first second after a start.
                 if since_boot_ms > 1_000 {
                     let error_us = map.host_time(board).unwrap().us().abs_diff(now_us - 25_000);
                     errors_ms.push(error_us as f64 * 1e-3);
@@ -265,7 +265,7 @@ mod tests {
     #[test]
     fn a_ping_is_dated_within_2_ms() {
         for drift in [-0.009, 0.0, 0.0005, 0.009] {
-            // Where a bridge holds each message for up to 16 ms, and beyond.
+            // Bridges hold a message for up to 16 ms; one case is worse.
             for (jitter_us, bound_ms) in [(1_000, 0.7), (16_000, 2.0), (20_000, 3.0)] {
                 for length_s in [60, 1_800] {
                     let error_ms = p99_error_ms(drift, jitter_us, length_s);

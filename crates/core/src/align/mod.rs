@@ -1,10 +1,11 @@
-//! Alignment: messages with board time in, sweeps with host time out.
+//! Alignment: turns messages with board time into sweeps with host time.
 
 #![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
 #![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
 #![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
 
 pub mod clock;
+mod params;
 pub mod sweeper;
 pub mod track;
 
@@ -13,6 +14,7 @@ use crate::geometry::Ring;
 use crate::sweep::Sweep;
 use crate::time::{DeviceTime, Timestamp};
 use clock::{ClockMap, Widener};
+pub use params::Params;
 use slamd_protocol::{Encoder, Sonar};
 use std::ops::RangeInclusive;
 use sweeper::Sweeper;
@@ -30,36 +32,42 @@ pub struct Aligner {
     range_m: RangeInclusive<f64>,
     temperature_c: f64,
     newest: Timestamp,
+    params: Params,
 }
 
-/// A message is never this late, and a rate learnt within a minute is not this wrong after an hour of silence, seconds.
-const CONTINUES_S: f64 = 0.5;
-
-/// The board's clock has jumped back: it has restarted.
+/// The board restarted: its clock jumped back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Restarted;
 
 impl Aligner {
-    /// An aligner for sensors as configured.
+    /// An aligner for the configured sensors, with the default tuning.
     #[must_use]
     pub fn new(ring: &RingConfig) -> Self {
+        Self::with_params(ring, Params::default())
+    }
+
+    /// An aligner for the configured sensors.
+    #[must_use]
+    pub fn with_params(ring: &RingConfig, params: Params) -> Self {
         Self {
-            widener: Widener::default(),
-            clock: ClockMap::default(),
-            track: Track::default(),
+            widener: Widener::new(params),
+            clock: ClockMap::new(params),
+            track: Track::new(params),
             wheels: None,
             sweeper: None,
             corrections: ring.corrections.clone(),
             range_m: ring.min_range_m..=ring.max_range_m,
             temperature_c: ring.temperature_c,
             newest: Timestamp::default(),
+            params,
         }
     }
 
-    /// The ring is known; a ring that differs from the one before begins its sweeps anew.
+    /// Sets the ring. A ring that differs from the one before starts new sweeps.
     pub fn set_ring(&mut self, ring: Ring) {
         if self.ring() != Some(&ring) {
-            self.sweeper = Some(Sweeper::new(ring, &self.corrections, self.range_m.clone(), self.temperature_c));
+            let (range_m, temperature_c) = (self.range_m.clone(), self.temperature_c);
+            self.sweeper = Some(Sweeper::new(ring, &self.corrections, range_m, temperature_c, self.params));
         }
     }
 
@@ -75,17 +83,17 @@ impl Aligner {
         self.sweeper.as_ref().map(Sweeper::sweep)
     }
 
-    /// The wheels are known.
+    /// Sets the wheels.
     pub fn set_wheels(&mut self, wheels: Wheels) {
         self.wheels = Some(wheels);
     }
 
-    /// From now on one encoder's counts, 0 for the left, are taken with the sign turned over.
+    /// Flips the sign of one encoder's counts from now on; 0 is the left one.
     pub fn reverse_encoder(&mut self, wheel: usize) {
         self.track.reverse(wheel);
     }
 
-    /// The board has measured the air's temperature.
+    /// Sets the air temperature.
     pub fn set_temperature(&mut self, temperature_c: f64) {
         self.temperature_c = temperature_c;
         if let Some(sweeper) = &mut self.sweeper {
@@ -93,17 +101,17 @@ impl Aligner {
         }
     }
 
-    /// Sweeps given up because too few of their messages arrived.
+    /// Sweeps dropped because too few of their messages arrived.
     #[must_use]
     pub fn dropped(&self) -> u64 {
         self.sweeper.as_ref().map_or(0, Sweeper::dropped)
     }
 
-    /// A fired group has arrived at `at`; `each` sees the sweeps that it completes: the cycle before, if this group begins a new one,
-    /// and its own, if it is the last.
+    /// A fired group arrived at `at`. `each` receives the sweeps that it completes: the previous cycle, if this group starts a
+    /// new one, and its own, if it is the last.
     ///
     /// # Errors
-    /// [`Restarted`] where its stamp says so; call [`Aligner::restart`].
+    /// [`Restarted`] if its stamp jumped back; call [`Aligner::restart`].
     pub fn sonar(&mut self, sonar: &Sonar, at: Timestamp, mut each: impl FnMut(&Sweep)) -> Result<(), Restarted> {
         let trigger = self.stamped(sonar.t_us, at)?;
         let (Some(wheels), true) = (self.wheels, self.sweeper.is_some()) else {
@@ -122,10 +130,10 @@ impl Aligner {
         Ok(())
     }
 
-    /// Encoder counts have arrived at `at`.
+    /// Encoder counts arrived at `at`.
     ///
     /// # Errors
-    /// [`Restarted`] where their stamp says so; call [`Aligner::restart`].
+    /// [`Restarted`] if their stamp jumped back; call [`Aligner::restart`].
     pub fn encoder(&mut self, encoder: &Encoder, at: Timestamp) -> Result<(), Restarted> {
         let latched = self.stamped(encoder.t_us, at)?;
         if let Some(wheels) = self.wheels {
@@ -134,10 +142,10 @@ impl Aligner {
         Ok(())
     }
 
-    /// The board received a time request that left at `sent`, and its answer came at `at`.
+    /// The board answered a time request sent at `sent`; the answer arrived at `at`.
     ///
     /// # Errors
-    /// [`Restarted`] where its stamps say so; call [`Aligner::restart`].
+    /// [`Restarted`] if its stamps jumped back; call [`Aligner::restart`].
     pub fn round_trip(&mut self, sent: Timestamp, rx_us: u32, tx_us: u32, at: Timestamp) -> Result<(), Restarted> {
         let received = self.widener.widen(rx_us).ok_or(Restarted)?;
         let answered = self.widener.widen(tx_us).ok_or(Restarted)?;
@@ -145,7 +153,7 @@ impl Aligner {
         Ok(())
     }
 
-    /// True where a message stamped `t_us` that has arrived at `at` continues the board's clock, as far as that is known.
+    /// True if a message stamped `t_us` that arrived at `at` continues the board's clock, or if that clock is unknown.
     #[must_use]
     pub fn continues(&self, t_us: u32, at: Timestamp) -> bool {
         let stamp = self.widener.clone().widen(t_us);
@@ -153,11 +161,11 @@ impl Aligner {
         match expected {
             None => false,
             Some(None) => true,
-            Some(Some(expected)) => at.seconds_since(expected).abs() < CONTINUES_S,
+            Some(Some(expected)) => at.seconds_since(expected).abs() < self.params.continues_s,
         }
     }
 
-    /// The board has restarted: its clock and its counters begin anew, the robot is where it was.
+    /// The board restarted: its clock and counters start again, the robot stays in place.
     pub fn restart(&mut self) {
         self.widener.reset();
         self.clock.reset();
@@ -179,7 +187,7 @@ impl Aligner {
     fn finish(&mut self, now: Timestamp, wheels: Wheels, each: &mut impl FnMut(&Sweep)) {
         let Some(sweeper) = &mut self.sweeper else { return };
         let Some(reference) = sweeper.reference() else { return };
-        // No ping is heard before it is sent, and a better clock line must not turn time back.
+        // A ping cannot arrive before it was sent, and a better clock line must not move time back.
         let host = self.clock.host_time(reference).unwrap_or(now).min(now);
         let at = host.max(Timestamp::from_us(self.newest.us().saturating_add(1)));
         if let Some(sweep) = sweeper.finish(at, &self.track, wheels) {

@@ -4,6 +4,7 @@
 //! instant is the last ping's trigger. A beam is seen from where its sensor was when the sound turned back, half the time
 //! of flight after the trigger; the odometry track tells where that was in the robot frame of the reference instant.
 
+use super::params::Params;
 use super::track::{Track, Travel, Wheels};
 use crate::config::CorrectionConfig;
 use crate::geometry::{Mounting, Placement, Pose2, Ring};
@@ -11,14 +12,14 @@ use crate::sweep::{Beam, NoMeasurement, Sweep};
 use crate::time::{DeviceTime, Timestamp};
 use slamd_protocol::{Echo, Sonar};
 
-/// What one sensor answered in the cycle at hand.
+/// One sensor's answer in the current cycle.
 #[derive(Clone, Copy, Debug)]
 struct Ping {
     at: DeviceTime,
     echo: Option<Echo>,
 }
 
-/// One sensor as it truly is.
+/// One sensor with its calibration applied.
 #[derive(Clone, Copy, Debug)]
 struct Corrected {
     range_bias_m: f64,
@@ -26,22 +27,22 @@ struct Corrected {
 }
 
 impl Corrected {
-    /// One per sensor; those not named are as drawn, those outside the ring are ignored.
-    fn ring(ring: &Ring, named: &[CorrectionConfig]) -> Vec<Self> {
-        let drawn = |mounting: &Mounting| Self { range_bias_m: 0.0, robot_from_sensor: mounting.robot_from_sensor };
-        let mut sensors: Vec<Self> = ring.mountings.iter().map(drawn).collect();
-        for named in named {
-            if let Some(sensor) = sensors.get_mut(usize::from(named.sensor)) {
-                sensor.range_bias_m = named.range_bias_m;
+    /// One per sensor. Sensors without a correction stay nominal; corrections outside the ring are ignored.
+    fn ring(ring: &Ring, corrections: &[CorrectionConfig]) -> Vec<Self> {
+        let nominal = |mounting: &Mounting| Self { range_bias_m: 0.0, robot_from_sensor: mounting.robot_from_sensor };
+        let mut sensors: Vec<Self> = ring.mountings.iter().map(nominal).collect();
+        for correction in corrections {
+            if let Some(sensor) = sensors.get_mut(usize::from(correction.sensor)) {
+                sensor.range_bias_m = correction.range_bias_m;
                 sensor.robot_from_sensor =
-                    sensor.robot_from_sensor * Pose2::new(0.0, 0.0, named.bearing_offset_deg.to_radians());
+                    sensor.robot_from_sensor * Pose2::new(0.0, 0.0, correction.bearing_offset_deg.to_radians());
             }
         }
         sensors
     }
 }
 
-/// Gathers pings into sweeps.
+/// Collects pings into sweeps.
 #[derive(Clone, Debug)]
 pub struct Sweeper {
     ring: Ring,
@@ -54,19 +55,18 @@ pub struct Sweeper {
     sweep: Sweep,
     count: u64,
     dropped: u64,
+    params: Params,
 }
 
-/// A sweep that heard fewer than this part of its sensors is given up.
-const MIN_HEARD: f64 = 0.25;
-
 impl Sweeper {
-    /// A sweeper for a ring whose sensors measure within `range_m` and differ from their drawing by `corrections`.
+    /// A sweeper for a ring whose sensors measure within `range_m`, with these calibration `corrections`.
     #[must_use]
     pub fn new(
         ring: Ring,
         corrections: &[CorrectionConfig],
         range_m: std::ops::RangeInclusive<f64>,
         temperature_c: f64,
+        params: Params,
     ) -> Self {
         let corrected = Corrected::ring(&ring, corrections);
         let pings = vec![None; ring.len()];
@@ -82,6 +82,7 @@ impl Sweeper {
             sweep,
             count: 0,
             dropped: 0,
+            params,
         };
         sweeper.set_temperature(temperature_c);
         sweeper
@@ -93,24 +94,24 @@ impl Sweeper {
         &self.ring
     }
 
-    /// The last finished sweep; without beams before the first.
+    /// The last finished sweep; it has no beams before the first.
     #[must_use]
     pub fn sweep(&self) -> &Sweep {
         &self.sweep
     }
 
-    /// Sweeps given up because too few of their messages arrived.
+    /// Sweeps dropped because too few of their messages arrived.
     #[must_use]
     pub fn dropped(&self) -> u64 {
         self.dropped
     }
 
-    /// Air temperature: the speed of sound is 331.3 + 0.606 T metres per second.
+    /// Sets the air temperature T, degrees Celsius: the speed of sound is 331.3 + 0.606 T metres per second.
     pub fn set_temperature(&mut self, temperature_c: f64) {
         self.sound_m_s = 331.3 + 0.606 * temperature_c;
     }
 
-    /// True where the group has been heard in the cycle at hand: with it a new cycle begins.
+    /// True if the group already arrived in the current cycle: it then starts a new one.
     #[must_use]
     pub fn has_heard(&self, group: u8) -> bool {
         self.ring.mountings.iter().zip(&self.pings).any(|(mounting, ping)| mounting.group == group && ping.is_some())
@@ -131,17 +132,17 @@ impl Sweeper {
         self.newest = self.newest.max(Some(at));
     }
 
-    /// The reference instant of the cycle at hand.
+    /// The reference instant of the current cycle.
     #[must_use]
     pub fn reference(&self) -> Option<DeviceTime> {
         self.newest
     }
 
-    /// Ends the cycle at hand. `at` is its reference instant by the host's clock. None where too little was heard.
+    /// Ends the current cycle. `at` is its reference instant by the host's clock. None if too few sensors answered.
     pub fn finish(&mut self, at: Timestamp, track: &Track, wheels: Wheels) -> Option<&Sweep> {
         let reference = self.newest.take()?;
         let heard = self.pings.iter().flatten().count();
-        if (heard as f64) < MIN_HEARD * self.pings.len() as f64 {
+        if (heard as f64) < self.params.min_heard * self.pings.len() as f64 {
             self.dropped += 1;
             self.pings.fill(None);
             return None;
@@ -174,7 +175,7 @@ impl Sweeper {
         Some(&self.sweep)
     }
 
-    /// A restarted board: the cycle at hand is lost, the travel goes on.
+    /// The board restarted: the current cycle is lost, the travel continues.
     pub fn restart(&mut self) {
         self.pings.fill(None);
         self.newest = None;
@@ -183,7 +184,7 @@ impl Sweeper {
 }
 
 impl Ping {
-    /// From the trigger to the instant the sound turned back.
+    /// From the trigger to the reflection.
     fn half_flight(&self) -> std::time::Duration {
         match self.echo {
             Some(Echo::Flight { us }) => std::time::Duration::from_micros(u64::from(us) / 2),
@@ -192,7 +193,7 @@ impl Ping {
     }
 }
 
-/// REP-117 range of one ping and, where it is NaN, the reason.
+/// REP-117 range of one ping and, if it is NaN, the reason.
 fn measured(
     ping: Option<Ping>,
     sound_m_s: f64,

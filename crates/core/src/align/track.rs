@@ -1,8 +1,9 @@
-//! The track of the wheels: where the encoders alone put the robot at any instant of the last seconds.
+//! Wheel odometry: the robot's pose from the encoders alone at any instant of the last seconds.
 //!
-//! Encoder counts arrive with each `SONAR` group (latched at its trigger) and each `ENCODER` message, not always in order of
-//! their stamps. The pose at an instant between two samples lies on the arc that the wheels rolled between them.
+//! Encoder counts arrive with each `SONAR` group (latched at its trigger) and each `ENCODER` message, not always in the order of
+//! their stamps. Between two samples the pose lies on the arc that the wheels rolled.
 
+use super::params::Params;
 use crate::geometry::Pose2;
 use crate::time::DeviceTime;
 use std::collections::VecDeque;
@@ -32,39 +33,41 @@ struct Sample {
     pose: Pose2,
 }
 
-/// The last encoder samples in order of time.
+/// The last encoder samples, in order of time.
 #[derive(Clone, Debug, Default)]
 pub struct Track {
     samples: VecDeque<Sample>,
     left: Counter,
     right: Counter,
+    params: Params,
 }
 
-/// Two seconds at 50 messages and 40 groups a second.
-const CAPACITY: usize = 180;
-/// Beyond the newest sample the last velocity holds, but no longer than this.
-const EXTRAPOLATE_S: f64 = 0.03;
-
 impl Track {
-    /// Adds absolute encoder counts latched at `at`. One older than all that is kept is ignored.
+    /// A track without samples.
+    #[must_use]
+    pub fn new(params: Params) -> Self {
+        Self { params, ..Self::default() }
+    }
+
+    /// Adds absolute encoder counts latched at `at`. Counts older than every kept sample are ignored.
     pub fn add(&mut self, at: DeviceTime, left_ticks: i32, right_ticks: i32, wheels: Wheels) {
         let travel = Travel {
             left_m: self.left.widen(left_ticks) * wheels.metres_per_tick[0],
             right_m: self.right.widen(right_ticks) * wheels.metres_per_tick[1],
         };
-        let place = self.samples.partition_point(|sample| sample.at <= at);
-        let mut before = place.checked_sub(1).and_then(|before| self.samples.get(before)).copied();
+        let index = self.samples.partition_point(|sample| sample.at <= at);
+        let mut before = index.checked_sub(1).and_then(|before| self.samples.get(before)).copied();
         if before.is_none() && !self.samples.is_empty() {
             return;
         }
-        self.samples.insert(place, Sample { at, travel, pose: Pose2::default() });
-        for sample in self.samples.iter_mut().skip(place) {
+        self.samples.insert(index, Sample { at, travel, pose: Pose2::default() });
+        for sample in self.samples.iter_mut().skip(index) {
             if let Some(before) = before {
                 sample.pose = before.rolled_to(sample.travel, wheels);
             }
             before = Some(*sample);
         }
-        if self.samples.len() > CAPACITY {
+        if self.samples.len() > self.params.track_samples {
             self.samples.pop_front();
         }
     }
@@ -74,7 +77,7 @@ impl Track {
     pub fn at(&self, at: DeviceTime, wheels: Wheels) -> Option<(Pose2, Travel)> {
         let after = self.samples.partition_point(|sample| sample.at <= at);
         let up_to = |last: usize| Some((self.samples.get(last.checked_sub(1)?)?, self.samples.get(last)?));
-        // Behind the newest sample the last two show the way.
+        // After the newest sample the last two give the velocity.
         let Some((a, b)) = up_to(after).or_else(|| up_to(after.checked_sub(1)?)) else {
             return self.samples.front().map(|first| (first.pose, first.travel));
         };
@@ -82,7 +85,7 @@ impl Track {
         if span_s <= 0.0 {
             return Some((b.pose, b.travel));
         }
-        let part = (at.seconds_since(a.at) / span_s).min(1.0 + EXTRAPOLATE_S / span_s);
+        let part = (at.seconds_since(a.at) / span_s).min(1.0 + self.params.extrapolate_s / span_s);
         let travel = Travel {
             left_m: a.travel.left_m + part * (b.travel.left_m - a.travel.left_m),
             right_m: a.travel.right_m + part * (b.travel.right_m - a.travel.right_m),
@@ -90,13 +93,13 @@ impl Track {
         Some((a.rolled_to(travel, wheels), travel))
     }
 
-    /// From now on one encoder's counts, 0 for the left, are taken with the sign turned over.
+    /// Flips the sign of one encoder's counts from now on; 0 is the left one.
     pub fn reverse(&mut self, wheel: usize) {
         let counter = if wheel == 0 { &mut self.left } else { &mut self.right };
         counter.is_reversed = !counter.is_reversed;
     }
 
-    /// A restarted board counts from anywhere: goes on from the newest pose, whatever the next counts are.
+    /// The board restarted with unknown counts: the track continues from the newest pose.
     pub fn restart(&mut self) {
         if let Some(mut newest) = self.samples.pop_back() {
             newest.at = DeviceTime::default();
@@ -114,7 +117,7 @@ impl Sample {
     }
 }
 
-/// One encoder's wrapping count as ticks since the track began.
+/// One encoder's wrapping count, as ticks since the track began.
 #[derive(Clone, Copy, Debug, Default)]
 struct Counter {
     last: Option<i32>,

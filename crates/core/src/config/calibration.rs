@@ -1,28 +1,28 @@
-//! What was learnt of a robot: its wheels with their uncertainty, its sensors one by one.
+//! Calibration of a robot: its wheels with their uncertainty, and corrections of single sensors.
 
 use super::{Config, RobotConfig};
 use crate::event::Calibration;
 use serde::{Deserialize, Serialize};
 
-/// How one sensor differs from its drawing.
+/// Correction of one sensor against its nominal geometry.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CorrectionConfig {
     /// The sensor's id.
     pub sensor: u8,
-    /// How much too long it reads, metres.
+    /// Excess of its readings, metres.
     #[serde(default)]
     pub range_bias_m: f64,
-    /// How far it is turned counter-clockwise from where the ring's geometry has it, degrees.
+    /// Its rotation against the ring's geometry, degrees counter-clockwise.
     #[serde(default)]
     pub bearing_offset_deg: f64,
 }
 
-/// A wheel base that somebody has measured with a ruler is known to this part.
+/// Relative standard deviation of a wheel base measured with a ruler.
 const BASE_SIGMA: f64 = 0.025;
 
 impl RobotConfig {
-    /// The wheels as configured, with how well they are known.
+    /// The configured wheels with their uncertainty.
     #[must_use]
     pub fn wheels(&self) -> Calibration {
         Calibration {
@@ -33,7 +33,7 @@ impl RobotConfig {
         }
     }
 
-    /// Makes these the robot's wheels, to the six digits that anybody could measure.
+    /// Sets the wheels, rounded to six decimals: nobody can measure more.
     pub fn set_wheels(&mut self, wheels: &Calibration) {
         let rounded = |value: f64| (1e6 * value).round() / 1e6;
         self.wheel_ratio = rounded(wheels.wheel_ratio);
@@ -43,11 +43,11 @@ impl RobotConfig {
     }
 }
 
-/// Nothing is known better than this.
+/// Lower bound of the configured standard deviations.
 pub(super) const SIGMA_FLOOR: f64 = 1e-5;
 
 impl Config {
-    /// A TOML text of the keys whose values are not the defaults: what a robot's file holds.
+    /// TOML text of the keys with other values than the defaults: the content of a robot's file.
     ///
     /// # Panics
     /// Never: every configuration has a TOML form.

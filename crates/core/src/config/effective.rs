@@ -1,4 +1,4 @@
-//! The configuration that all layers come to, and where each of its values was written.
+//! The configuration merged from all layers, and the origin of each value.
 
 use super::Config;
 use super::keys::{Key, joined, keys};
@@ -6,7 +6,7 @@ use super::layers::Origins;
 use super::shape::Shape;
 use std::fmt::Write as _;
 
-/// A configuration that remembers its layers.
+/// A configuration with the origins of its values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Effective {
     /// The configuration.
@@ -19,8 +19,8 @@ impl Effective {
         Self { config, origins }
     }
 
-    /// The TOML text that [`Config::from_toml`] reads back as this configuration, with a comment behind each value that is not the default: where
-    /// it was written.
+    /// The TOML text of this configuration; [`Config::from_toml`] reads it back. A comment after each value that is not the default
+    /// names its origin.
     #[must_use]
     pub fn to_toml(&self) -> String {
         let mut text = String::new();
@@ -28,7 +28,7 @@ impl Effective {
         text.trim_start().into()
     }
 
-    /// Values first, then tables: what stands below the head of a table belongs to it.
+    /// Values first, then tables: in TOML, a value below a table's head belongs to that table.
     fn write(&self, path: &str, keys: &[Key], table: &toml::Table, default: Option<&toml::Table>, text: &mut String) {
         let found = || keys.iter().filter_map(|key| Some((key, joined(path, key.name), table.get(key.name)?)));
         for (key, path, value) in found().filter(|(key, ..)| !matches!(key.shape, Shape::Table(_) | Shape::List(..))) {

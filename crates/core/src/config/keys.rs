@@ -1,12 +1,12 @@
-//! Every key of the configuration: what the check allows, what the schema tells, what environment variables may name.
+//! All keys of the configuration: for the check, the schema and the environment variables.
 //!
-//! The defaults are not here: they are in the types.
+//! The defaults are in the types, not here.
 
 use super::calibration::SIGMA_FLOOR;
 use super::shape::Shape;
 use slamd_protocol::Setting;
 
-/// Most sensors a ring may have: a `SONAR` message holds no more.
+/// Maximum number of sensors: a `SONAR` message holds no more.
 pub(super) const MAX_SENSORS: u8 = 76;
 
 /// One key.
@@ -14,15 +14,15 @@ pub(super) const MAX_SENSORS: u8 = 76;
 pub struct Key {
     /// Its name in its table.
     pub name: &'static str,
-    /// What it means, with its unit, in one sentence.
+    /// Its meaning and unit, in one sentence.
     pub about: &'static str,
-    /// What its value may be.
+    /// Its allowed values.
     pub shape: Shape,
-    /// True where its table is of no use without it.
+    /// True if its table requires it.
     pub is_required: bool,
-    /// The key of the same table whose value it must not exceed.
+    /// A key of the same table whose value it must not exceed.
     pub at_most: Option<&'static str>,
-    /// The key of the same table that must be absent where this one is given.
+    /// A key of the same table that must be absent if this one is given.
     pub instead_of: Option<&'static str>,
 }
 
@@ -46,7 +46,7 @@ pub fn keys() -> Vec<Key> {
     ]
 }
 
-/// The dotted names of all values, lists taken as one value, in the order of [`keys`].
+/// The dotted names of all values in the order of [`keys`]. A list counts as one value.
 #[must_use]
 pub fn values() -> Vec<(String, Key)> {
     let mut found = Vec::new();
@@ -64,7 +64,7 @@ fn collect(path: &str, keys: Vec<Key>, found: &mut Vec<(String, Key)>) {
     }
 }
 
-/// A dotted name, one step longer.
+/// A dotted name with one more part.
 pub(super) fn joined(path: &str, name: &str) -> String {
     if path.is_empty() { name.into() } else { format!("{path}.{name}") }
 }
@@ -182,7 +182,7 @@ fn map() -> Vec<Key> {
     vec![number("cell_m", 0.01, 0.5, "Side of a cell, metres; the paper's method always uses 0.01.")]
 }
 
-/// The board's settings have their names and ranges in the protocol.
+/// The board's settings; the protocol has their names and ranges.
 fn board() -> Vec<Key> {
     Setting::ALL
         .into_iter()
@@ -244,7 +244,7 @@ mod tests {
             }
         }
         compare("", &keys(), &toml::Table::try_from(Config::default()).unwrap());
-        // What has no default is known to the types, too.
+        // The types know the keys without a default, too.
         let text = "[robot]\nwheel_base_sigma_m = 0.1\nticks_per_turn = 9\n[ring.circle]\ncount = 2\nradius_m = 1\nhalf_angle_deg = 3\ngroups = 2\nclockwise = true\n\
             [[ring.corrections]]\nsensor = 2\nrange_bias_m = 0.1\nbearing_offset_deg = 3\n[board]\nclockwise = 1\nslot_us = 20000\n";
         assert!(Config::from_toml(text).is_ok(), "{:?}", Config::from_toml(text));

@@ -1,7 +1,7 @@
-//! Layers of configuration, each over the one before: TOML texts, and single values.
+//! Layers of configuration, each over the one before: TOML texts and single values.
 //!
-//! Tables are merged key by key; a value, and a list as a whole, takes the place of the one below. Every layer is checked by itself, all together
-//! at the end, and what is wrong is collected.
+//! Tables are merged key by key. A value replaces the one below; so does a list, as a whole. Each layer is checked alone, then all
+//! together at the end. All errors are collected.
 
 use super::Config;
 use super::effective::Effective;
@@ -14,10 +14,10 @@ use std::collections::BTreeMap;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 
-/// Where each value was written, by its dotted key; items of lists by their numbers from 0.
+/// The origin of each value, by its dotted key; list items by their index.
 pub(super) type Origins = BTreeMap<String, Origin>;
 
-/// What has been laid over the defaults so far.
+/// The layers over the defaults so far.
 #[derive(Debug, Default)]
 pub struct Layers {
     merged: toml::Table,
@@ -25,11 +25,11 @@ pub struct Layers {
     problems: Vec<Problem>,
 }
 
-/// More than anybody reads.
+/// Errors reported per layer: nobody reads more.
 const MAX_PROBLEMS: usize = 50;
 
 impl Layers {
-    /// Lays a TOML text over what is there. Errors will tell its lines, and its name if it has one.
+    /// Adds a TOML text as a layer. Errors name its lines, and `name` if there is one.
     pub fn text(&mut self, name: Option<&str>, text: &str) {
         let at = |start: usize| {
             let line = 1 + text.bytes().take(start).filter(|byte| *byte == b'\n').count();
@@ -48,8 +48,8 @@ impl Layers {
         self.problems.append(&mut problems);
     }
 
-    /// Lays one value over what is there: `key` is one of [`values`], `origin` the environment variable or option that gives it. Texts are taken
-    /// as they are, all else as TOML writes it.
+    /// Adds one value as a layer: `key` is one of [`values`], `origin` its environment variable or option. A text is taken as it
+    /// is, another value is read as TOML.
     pub fn value(&mut self, origin: &str, key: &str, words: &str) {
         let at = |_| Origin::Named(origin.into());
         let mut reading = Reading { at: &at, origins: &mut self.origins, problems: Vec::new() };
@@ -75,17 +75,17 @@ impl Layers {
         self.problems.append(&mut reading.problems);
     }
 
-    /// The configuration that comes of it.
+    /// The merged configuration.
     ///
     /// # Errors
-    /// All that is wrong with it.
+    /// All errors found.
     pub fn finish(mut self) -> Result<Effective, ConfigError> {
-        self.lacking("", &keys(), &self.merged.clone());
+        self.check_required("", &keys(), &self.merged.clone());
         if self.problems.is_empty() {
-            // Where the check has nothing to say against it, there is nothing that the types would not take.
+            // Values that pass the check fit the types.
             match toml::Value::Table(self.merged.clone()).try_into::<Config>() {
                 Ok(config) => {
-                    self.at_odds("", &keys(), &config.to_table());
+                    self.check_contradictions("", &keys(), &config.to_table());
                     if self.problems.is_empty() {
                         return Ok(Effective::new(config, self.origins));
                     }
@@ -96,65 +96,65 @@ impl Layers {
         Err(ConfigError { problems: self.problems })
     }
 
-    /// Finds tables without a key that they need.
-    fn lacking(&mut self, path: &str, keys: &[Key], table: &toml::Table) {
+    /// Finds tables without a required key.
+    fn check_required(&mut self, path: &str, keys: &[Key], table: &toml::Table) {
         for key in keys {
             let inner = joined(path, key.name);
             match (&key.shape, table.get(key.name)) {
-                (Shape::Table(keys), Some(toml::Value::Table(table))) => self.lacking(&inner, keys, table),
+                (Shape::Table(keys), Some(toml::Value::Table(table))) => self.check_required(&inner, keys, table),
                 (Shape::List(keys, _), Some(toml::Value::Array(list))) => {
                     for (i, item) in list.iter().enumerate().filter_map(|(i, item)| Some((i, item.as_table()?))) {
-                        self.lacking(&joined(&inner, &i.to_string()), keys, item);
+                        self.check_required(&joined(&inner, &i.to_string()), keys, item);
                     }
                 }
-                // What is there and wrong has been told.
+                // A key that is there but wrong was reported already.
                 (shape, None) if key.is_required && !self.origins.contains_key(&inner) => {
                     let words = format!("{inner} is missing: it must be {}", shape.words(&inner));
-                    self.blame(&[path], words);
+                    self.report(&[path], words);
                 }
                 _ => {}
             }
         }
     }
 
-    /// Finds values that do not go together.
-    fn at_odds(&mut self, path: &str, keys: &[Key], table: &toml::Table) {
+    /// Finds values that contradict each other.
+    fn check_contradictions(&mut self, path: &str, keys: &[Key], table: &toml::Table) {
         for key in keys {
             let inner = joined(path, key.name);
             let Some(value) = table.get(key.name) else { continue };
             if let (Shape::Table(keys), toml::Value::Table(table)) = (&key.shape, value) {
-                self.at_odds(&inner, keys, table);
+                self.check_contradictions(&inner, keys, table);
             }
             if let Some(other) = key.instead_of.filter(|other| table.contains_key(*other)) {
                 let other = joined(path, other);
-                self.blame(&[&inner, &other], format!("{inner} and {other} are both given: take one of them away"));
+                self.report(&[&inner, &other], format!("{inner} and {other} are both given: take one of them away"));
             }
             let bound = key.at_most.and_then(|other| Some((joined(path, other), table.get(other)?)));
             if let Some((other, most)) = bound
                 && as_number(value) > as_number(most)
             {
                 let words = format!("{inner} = {value} is out of range: it must be at most {other}, which is {most}");
-                self.blame(&[&inner, &other], words);
+                self.report(&[&inner, &other], words);
             }
         }
     }
 
-    /// Says what is wrong where the first of these keys that was written is, and names where the others are.
-    fn blame(&mut self, paths: &[&str], words: String) {
+    /// Reports an error at the origin of the first of these keys that has one, and names the origins of the others.
+    fn report(&mut self, paths: &[&str], words: String) {
         let mut origins = paths.iter().filter_map(|path| self.origin(path));
         let origin = origins.next().cloned().unwrap_or(Origin::Line(1));
         let others: Vec<String> = origins.map(|other| format!(" (see {other})")).collect();
         self.problems.push(Problem { origin, words: words + &others.concat() });
     }
 
-    /// Where a value was written; of a table that single values have made, one of them.
+    /// Origin of a value; for a table made of single values, the origin of one of them.
     fn origin(&self, path: &str) -> Option<&Origin> {
         let inside = || self.origins.iter().find(|(key, _)| key.starts_with(&format!("{path}.")));
         self.origins.get(path).or_else(|| inside().map(|(_, origin)| origin))
     }
 }
 
-/// The table in which the value of a dotted key is, made where there is none.
+/// The table that holds the value of a dotted key, created if there is none.
 fn table_of<'a>(path: &str, root: &'a mut toml::Table) -> Option<&'a mut toml::Table> {
     let Some((above, _)) = path.rsplit_once('.') else { return Some(root) };
     above
@@ -162,9 +162,9 @@ fn table_of<'a>(path: &str, root: &'a mut toml::Table) -> Option<&'a mut toml::T
         .try_fold(root, |table, name| table.entry(name).or_insert_with(|| toml::Table::new().into()).as_table_mut())
 }
 
-/// One layer on its way into the others.
+/// Reads one layer into the others.
 struct Reading<'a> {
-    /// Where the byte with this number was written.
+    /// Origin of the byte with this index.
     at: &'a dyn Fn(usize) -> Origin,
     origins: &'a mut Origins,
     problems: Vec<Problem>,
@@ -230,7 +230,7 @@ impl Reading<'_> {
     }
 }
 
-/// What to say of a key that is not known.
+/// Error text for an unknown key.
 fn unknown(path: &str, name: &str, known: &[Key]) -> String {
     let key = shown(&joined(path, name));
     let siblings = || known.iter().map(|key| key.name);
@@ -248,7 +248,7 @@ fn unknown(path: &str, name: &str, known: &[Key]) -> String {
 mod tests {
     use super::*;
 
-    /// What is said against a text.
+    /// Error text for a configuration text.
     fn refusal(text: &str) -> String {
         Config::from_toml(text).unwrap_err().to_string()
     }

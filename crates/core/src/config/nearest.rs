@@ -1,9 +1,9 @@
-//! What somebody may have meant.
+//! Suggestions for misspelt names.
 
-/// The candidate that is nearest to `name`, where any is near: no more than a third of the letters differ.
+/// The candidate nearest to `name`, if at most a third of its letters differ.
 #[must_use]
 pub fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    if name.len() > LONGEST {
+    if name.len() > MAX_LETTERS {
         return None;
     }
     let far = |candidate: &str| strsim::damerau_levenshtein(name, candidate);
@@ -11,8 +11,8 @@ pub fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) ->
     (3 * distance <= name.len().max(candidate.len())).then_some(candidate)
 }
 
-/// No name has so many letters; comparing longer ones takes long.
-const LONGEST: usize = 100;
+/// Longer names are not compared: no key has so many letters, and the comparison takes quadratic time.
+const MAX_LETTERS: usize = 100;
 
 #[cfg(test)]
 mod tests {

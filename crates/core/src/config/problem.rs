@@ -1,4 +1,4 @@
-//! What is wrong with a configuration, and where that is written.
+//! Errors of a configuration, with their origin.
 
 use std::fmt;
 
@@ -9,7 +9,7 @@ pub enum Origin {
     Line(usize),
     /// A line, from 1, of a file.
     File(String, usize),
-    /// An environment variable, or an option of the command line.
+    /// An environment variable or a command line option.
     Named(String),
 }
 
@@ -23,17 +23,17 @@ impl fmt::Display for Origin {
     }
 }
 
-/// One thing that is wrong.
+/// One error.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, thiserror::Error)]
 #[error("{origin}: {words}")]
 pub struct Problem {
     /// Where it is.
     pub origin: Origin,
-    /// The key, the value, and what would be right.
+    /// The key, the value, and what is allowed.
     pub words: String,
 }
 
-/// A configuration that cannot be used: all that is wrong with it, up to a bound.
+/// A configuration that cannot be used: all its errors, up to a limit.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub struct ConfigError {
     /// In the order of the layers, and of the lines in each.

@@ -1,6 +1,6 @@
-//! The table of keys as a JSON Schema: for editors, and for whoever writes configurations by a program.
+//! The table of keys as a JSON Schema, for editors and for programs that write configurations.
 //!
-//! A schema cannot compare two values: that `min_range_m` must not exceed `max_range_m` is said in words alone.
+//! A schema cannot compare two values: only a description says that `min_range_m` must not exceed `max_range_m`.
 
 use super::Config;
 use super::keys::{Key, keys};
@@ -30,7 +30,7 @@ fn table(keys: &[Key], defaults: Option<&toml::Table>) -> Table {
         schema.extend(object([("required", required.into())]));
     }
     for (key, other) in keys.iter().filter_map(|key| Some((key.name, key.instead_of?))) {
-        // An empty list is none.
+        // An empty list counts as absent.
         let filled = object([(key, object([("minItems", 1.into())]).into())]);
         let both = object([("required", vec![key, other].into()), ("properties", filled.into())]);
         schema.extend(object([("not", both.into())]));
@@ -56,7 +56,7 @@ fn of(key: &Key, default: Option<&Value>) -> Value {
     };
     let about = key.at_most.map_or_else(|| key.about.into(), |other| format!("{} At most {other}.", key.about));
     schema.extend(object([("description", about.into())]));
-    // A table's defaults stand at its keys.
+    // A table's defaults are at its keys.
     if let Some(default) = default.filter(|default| !default.is_table()) {
         schema.extend(object([("default", default.clone())]));
     }

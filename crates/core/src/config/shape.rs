@@ -1,8 +1,8 @@
-//! What a value may be: the check of one value, in words that say what would be right.
+//! The allowed values of a key, and the check of one value. Its error says what is allowed.
 
 use super::keys::Key;
 
-/// What a value may be.
+/// The allowed values of a key.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
     /// Any text.
@@ -11,7 +11,7 @@ pub enum Shape {
     Choice(&'static [&'static str]),
     /// True or false.
     Flag,
-    /// True or false, also written as 1 and 0: how a board keeps it.
+    /// True or false, also written as 1 and 0, as a board stores it.
     Switch,
     /// A whole number from the first to the second, both included.
     Whole(i64, i64),
@@ -19,12 +19,12 @@ pub enum Shape {
     Number(f64, f64),
     /// A table of keys.
     Table(Vec<Key>),
-    /// A list of tables of keys, and how many of them there may be.
+    /// A list of tables of keys, and its maximum length.
     List(Vec<Key>, u8),
 }
 
 impl Shape {
-    /// Why a value of a key does not do; none where it does.
+    /// Why a value is not allowed; none if it is.
     pub(super) fn refusal(&self, path: &str, value: &toml::Value) -> Option<String> {
         let is_right_kind = match self {
             Self::Text | Self::Choice(_) => value.is_str(),
@@ -53,7 +53,7 @@ impl Shape {
         (!is_within).then(|| format!("{path} = {shown} is out of range: it must be {range}"))
     }
 
-    /// What a value must be.
+    /// The allowed values, for people.
     pub(super) fn words(&self, path: &str) -> String {
         match self {
             Self::Text => "a text in quotes".into(),
@@ -67,7 +67,7 @@ impl Shape {
     }
 }
 
-/// A value as a number, where it is one.
+/// A value as a number, if it is one.
 #[expect(clippy::cast_precision_loss, reason = "compared with ranges of some digits")]
 pub(super) fn as_number(value: &toml::Value) -> Option<f64> {
     value.as_float().or_else(|| value.as_integer().map(|number| number as f64))
@@ -77,7 +77,7 @@ fn between(least: impl std::fmt::Display, most: impl std::fmt::Display) -> Strin
     format!("from {least} to {most}")
 }
 
-/// No more of a text than is needed to know it again.
+/// A text cut to a length that still identifies it.
 pub(super) fn shown(text: &str) -> String {
     if text.chars().count() <= MAX_SHOWN {
         return text.into();

@@ -1,11 +1,12 @@
-//! Which sensors to distrust: gathers the evidence of one sweep and lets [`FaultTest`] weigh it, sensor by sensor.
+//! Sensor fault detection: collects the evidence of one sweep and gives it to the [`FaultTest`] of each sensor.
 //!
 //! The evidence is what the board reports, what PCA over three instants leaves unexplained ([`super::pca`]), what the neighbours
-//! see ([`super::neighbours`]), and what the map expects. All but the map's is there from the first sweeps on, without a pose.
+//! see ([`super::neighbours`]), and what the map expects. All but the map's works from the first sweeps on, without a pose.
 
 use super::evidence::{Evidence, Expected};
 use super::fault_test::FaultTest;
 use super::neighbours::Neighbours;
+use super::params::Params;
 use super::pca::{PcaBlock, cauchy_weight};
 use crate::event::{Event, FaultEvent, SensorState};
 use crate::geometry::Ring;
@@ -15,42 +16,36 @@ use crate::sweep::{Beam, NoMeasurement, Sweep};
 /// Watches all sensors.
 #[derive(Clone, Debug)]
 pub struct Detector {
+    params: Params,
     pca: PcaBlock,
     neighbours: Neighbours,
     sensors: Vec<FaultTest>,
     states: Vec<SensorState>,
     last_m: Vec<f64>,
-    /// True once a wheel has turned: a robot whose wheels tell nothing is believed to drive when its readings change.
+    /// True once a wheel has turned: without encoders, changing readings mean that the robot drives.
     has_wheels: bool,
     max_range_m: f64,
 }
-
-/// The variation from which on a sensor loses its say in the first component. Squared, the say of a wild sensor shrinks faster than
-/// its variation grows: even one of eight does not become the component and so hide itself.
-const CALM_M2: f64 = 0.002;
-/// Within this part of the farthest range neighbours speak for each other; farther off, walls drop out one by one.
-const SURE_PART: f64 = 0.65;
-/// The wheels' distance that turns are reckoned with here, metres; a guess is good enough.
-const WHEEL_BASE_M: f64 = 0.3;
-/// A turn moves what is this far away, metres.
-const LEVER_M: f64 = 0.5;
-/// Readings change only by the part of the motion that is along their beams.
-const PASSED_WHILE_STIRRED: f64 = 3.0;
-/// A reading's change counts as motion up to this, metres: what jumps farther has looked at something else.
-const MAX_CHANGE_M: f64 = 0.1;
 
 impl Detector {
     /// A detector for a ring whose sensors all begin healthy.
     #[must_use]
     pub fn new(ring: &Ring, max_range_m: f64) -> Self {
+        Self::with_params(ring, max_range_m, Params::default())
+    }
+
+    /// The same with other constants.
+    #[must_use]
+    pub fn with_params(ring: &Ring, max_range_m: f64, params: Params) -> Self {
         Self {
             pca: PcaBlock::new(ring.len(), max_range_m),
-            neighbours: Neighbours::new(ring),
+            neighbours: Neighbours::new(ring, &params),
             sensors: vec![FaultTest::default(); ring.len()],
             states: vec![SensorState::Healthy; ring.len()],
             last_m: vec![f64::NAN; ring.len()],
             has_wheels: false,
             max_range_m,
+            params,
         }
     }
 
@@ -66,13 +61,14 @@ impl Detector {
         self.sensors.iter().map(FaultTest::saved_state).collect()
     }
 
-    /// Takes over what was known of the sensors; each keeps its state until its readings speak against it.
+    /// Restores the sensors' states; each keeps its state until new readings disprove it.
     ///
     /// # Errors
-    /// Where a sensor was as no sensor can be.
+    /// A sensor's state is impossible.
     pub fn restore(&mut self, sensors: &[SensorHistory]) -> Result<(), InvalidState> {
         // All are looked at: the ring may become known later.
-        let remembered = sensors.iter().map(FaultTest::restore).collect::<Result<Vec<_>, _>>()?;
+        let remembered =
+            sensors.iter().map(|sensor| FaultTest::restore(sensor, &self.params)).collect::<Result<Vec<_>, _>>()?;
         for (fault_test, remembered) in self.sensors.iter_mut().zip(remembered) {
             *fault_test = remembered;
         }
@@ -82,7 +78,7 @@ impl Detector {
         Ok(())
     }
 
-    /// The evidence against a sensor: its strongest log-likelihood ratio, 6 convicts. NaN where there is no such sensor.
+    /// The evidence against a sensor: its strongest log-likelihood ratio; from 6 on the sensor is faulty. NaN where there is no such sensor.
     #[must_use]
     pub fn score(&self, sensor: usize) -> f64 {
         self.sensors.get(sensor).map_or(f64::NAN, FaultTest::score)
@@ -104,17 +100,18 @@ impl Detector {
     pub fn inspect(&mut self, sweep: &Sweep, expected: impl Fn(&Beam) -> Option<Expected>, events: &mut Vec<Event>) {
         let has_residuals = self.pca.push(sweep);
         if has_residuals {
-            self.pca.analyse(|_, variation_m2| cauchy_weight(variation_m2, CALM_M2).powi(2));
+            self.pca.analyse(|_, variation_m2| cauchy_weight(variation_m2, self.params.calm_m2).powi(2));
         }
         self.has_wheels |= sweep.left_m != 0.0 || sweep.right_m != 0.0;
         let stirred_m = if self.has_wheels { 0.0 } else { self.stirred_m(sweep) };
-        let moved_m = 0.5 * (sweep.left_m + sweep.right_m).abs() + LEVER_M * turn_rad(sweep).abs();
+        let moved_m = 0.5 * (sweep.left_m + sweep.right_m).abs()
+            + self.params.lever_m * turn_rad(sweep, self.params.wheel_base_m).abs();
         for (sensor, beam) in sweep.beams.iter().enumerate().take(self.sensors.len()) {
             if beam.no_measurement == Some(NoMeasurement::Lost) {
                 continue;
             }
             let seen = self.neighbours.seen(sensor, sweep, |other| self.is_trusted(other));
-            let seen = seen.filter(|seen| seen.range_m < SURE_PART * self.max_range_m);
+            let seen = seen.filter(|seen| seen.range_m < self.params.sure_part * self.max_range_m);
             let evidence = Evidence {
                 range_m: beam.range_m,
                 no_measurement: beam.no_measurement,
@@ -122,12 +119,12 @@ impl Detector {
                 expected: if beam.is_clear() { expected(beam) } else { None },
                 neighbours: seen,
                 moved_m: moved_m.max(stirred_m),
-                passed_m: passed_m(sweep, beam, seen.map_or(0.0, |seen| seen.range_m))
-                    .max(PASSED_WHILE_STIRRED * stirred_m),
+                passed_m: passed_m(sweep, beam, seen.map_or(0.0, |seen| seen.range_m), self.params.wheel_base_m)
+                    .max(self.params.passed_while_stirred * stirred_m),
             };
             let fault_test = &mut self.sensors[sensor];
-            fault_test.weigh(&evidence);
-            let state = fault_test.verdict();
+            fault_test.weigh(&evidence, &self.params);
+            let state = fault_test.verdict(&self.params);
             if state != self.states[sensor] {
                 self.states[sensor] = state;
                 let reason = fault_test.reason(sensor, &evidence);
@@ -137,13 +134,13 @@ impl Detector {
     }
 
     /// By how much the trusted sensors' readings have changed on average since the last sweep, metres: a robot's motion even
-    /// where its wheels tell nothing.
+    /// without encoders.
     fn stirred_m(&mut self, sweep: &Sweep) -> f64 {
         let (mut sum_m, mut count) = (0.0, 0.0);
         for (sensor, (beam, last_m)) in sweep.beams.iter().zip(&mut self.last_m).enumerate() {
             let change_m = (beam.range_m - *last_m).abs();
             if change_m.is_finite() && self.states[sensor] == SensorState::Healthy {
-                sum_m += change_m.min(MAX_CHANGE_M);
+                sum_m += change_m.min(self.params.max_change_m);
                 count += 1.0;
             }
             *last_m = beam.range_m;
@@ -153,12 +150,12 @@ impl Detector {
 }
 
 /// How far the robot has turned since the last sweep, radians, counter-clockwise.
-fn turn_rad(sweep: &Sweep) -> f64 {
-    (sweep.right_m - sweep.left_m) / WHEEL_BASE_M
+fn turn_rad(sweep: &Sweep, base_m: f64) -> f64 {
+    (sweep.right_m - sweep.left_m) / base_m
 }
 
 /// How far the point a beam looks at, `range_m` ahead, has moved across the beam since the last sweep, metres.
-fn passed_m(sweep: &Sweep, beam: &Beam, range_m: f64) -> f64 {
+fn passed_m(sweep: &Sweep, beam: &Beam, range_m: f64, base_m: f64) -> f64 {
     let forward_m = 0.5 * (sweep.left_m + sweep.right_m);
-    (turn_rad(sweep) * range_m - forward_m * libm::sin(beam.robot_from_sensor.theta_rad)).abs()
+    (turn_rad(sweep, base_m) * range_m - forward_m * libm::sin(beam.robot_from_sensor.theta_rad)).abs()
 }

@@ -1,4 +1,4 @@
-//! Which wheel encoders to distrust: one that stands still while the walls go by, one that counts backwards.
+//! Encoder fault detection: an encoder that stands still while the walls go by, or counts backwards.
 //!
 //! Whenever the wheels have rolled far enough, the ring's last readings are compared with those before (`profile.rs`): as the encoders
 //! tell the motion, and as they would tell it were one of them reversed, or, where one does not count, had its wheel rolled
@@ -6,6 +6,7 @@
 //! sum (Page, Continuous inspection schemes, 1954), whose last zero tells when the fault began. A turn that is told wrongly by half a radian
 //! each time is nothing that wheels of other sizes or slip could look like.
 
+use super::params::Params;
 use super::profile::{Comparer, Endpoints};
 use crate::event::{EncoderEvent, EncoderState, Event, Wheel};
 use crate::geometry::Ring;
@@ -14,6 +15,7 @@ use crate::sweep::Sweep;
 /// Watches both encoders.
 #[derive(Clone, Debug)]
 pub struct EncoderWatch {
+    params: Params,
     comparer: Comparer,
     base_m: f64,
     before: Endpoints,
@@ -21,13 +23,13 @@ pub struct EncoderWatch {
     since_sweep: Option<u64>,
     /// What the encoders have told since then, left and right, metres.
     rolled_m: [f64; 2],
-    trials: [Trial; 2],
+    tests: [EncoderTest; 2],
     is_reversed: [bool; 2],
 }
 
 /// The evidence against one encoder.
 #[derive(Clone, Copy, Debug, Default)]
-struct Trial {
+struct EncoderTest {
     state: EncoderState,
     dead: Sum,
     reversed: Sum,
@@ -55,31 +57,17 @@ pub struct EncoderChange {
     pub since_sweep: Option<u64>,
 }
 
-/// The sweeps are compared each time a wheel has rolled this far, metres: then a wheel that is told wrongly turns the robot
-/// by more than the angle between two sensors.
-const STEP_M: f64 = 0.15;
-/// Older readings than so many sweeps compare badly.
-const MAX_SWEEPS: u64 = 40;
-/// A wheel that has rolled less than this says nothing of its direction, metres.
-const MIN_ROLLED_M: f64 = 0.05;
-/// An encoder with less than this share of the other's count does not count.
-const DEAD_SHARE: f64 = 0.02;
-/// How a wheel that does not count may have rolled, as shares of the other's way.
-const ROLLED_SHARES: [f64; 10] = [-1.4, -1.1, -0.8, -0.5, 0.4, 0.6, 0.8, 1.0, 1.2, 1.4];
-/// What a difference of the mean costs weighs: as many endpoints as are independent. One step adds no more than the other.
-const GAIN: f64 = 3.0;
-const MAX_ADDED: f64 = 3.0;
-/// Above this an encoder is convicted; above the other it is suspected.
-const DECLARE: f64 = 12.0;
-const SUSPECT: f64 = 3.0;
-/// A dead encoder that counts in so many steps in a row counts again.
-const COUNTED_STEPS: u32 = 4;
-
 impl EncoderWatch {
     /// A watch over encoders that begin healthy.
     #[must_use]
     pub fn new(ring: &Ring, base_m: f64) -> Self {
-        let comparer = Comparer::new(ring);
+        Self::with_params(ring, base_m, Params::default())
+    }
+
+    /// The same with other constants.
+    #[must_use]
+    pub fn with_params(ring: &Ring, base_m: f64, params: Params) -> Self {
+        let comparer = Comparer::new(ring, &params);
         let before = comparer.room();
         Self {
             comparer,
@@ -87,8 +75,9 @@ impl EncoderWatch {
             before,
             since_sweep: None,
             rolled_m: [0.0; 2],
-            trials: [Trial::default(); 2],
+            tests: [EncoderTest::default(); 2],
             is_reversed: [false; 2],
+            params,
         }
     }
 
@@ -98,16 +87,16 @@ impl EncoderWatch {
         self.is_reversed
     }
 
-    /// True while so much speaks against an encoder that nothing should be learnt from where it puts the robot.
+    /// True while an encoder is suspected: the pose is then too doubtful for map updates.
     #[must_use]
     pub fn is_suspected(&self) -> bool {
-        self.scores().as_flattened().iter().any(|ratio| *ratio > SUSPECT)
+        self.scores().as_flattened().iter().any(|ratio| *ratio > self.params.encoder_suspect)
     }
 
-    /// The evidence that the left, the right encoder is dead, reversed: proven from 12 on.
+    /// The evidence that the left, the right encoder is dead, reversed; declared from 12 on.
     #[must_use]
     pub fn scores(&self) -> [[f64; 2]; 2] {
-        self.trials.map(|trial| [trial.dead.ratio, trial.reversed.ratio])
+        self.tests.map(|test| [test.dead.ratio, test.reversed.ratio])
     }
 
     /// Weighs one sweep; what has changed, where something has.
@@ -124,10 +113,10 @@ impl EncoderWatch {
         };
         self.rolled_m = [0, 1].map(|wheel| self.rolled_m[wheel] + told_m[wheel]);
         let [left_m, right_m] = self.rolled_m;
-        if left_m.abs().max(right_m.abs()) >= STEP_M {
+        if left_m.abs().max(right_m.abs()) >= self.params.encoder_step_m {
             self.weigh(sweep, &is_trusted);
             self.look(sweep, is_trusted);
-        } else if sweep.index.saturating_sub(since_sweep) > MAX_SWEEPS {
+        } else if sweep.index.saturating_sub(since_sweep) > self.params.encoder_max_sweeps {
             self.look(sweep, is_trusted);
         }
         let change = self.verdict()?;
@@ -146,68 +135,71 @@ impl EncoderWatch {
     /// Compares this sweep with the one before.
     fn weigh(&mut self, sweep: &Sweep, is_trusted: impl Fn(usize) -> bool) {
         let rolled_m = self.rolled_m;
-        let cost = |rolled_m| self.comparer.cost(&self.before, sweep, &is_trusted, rolled_m, self.base_m);
+        let cost = |rolled_m| self.comparer.cost(&self.before, sweep, &is_trusted, rolled_m, self.base_m, &self.params);
         let Some(told) = cost(rolled_m) else { return };
-        let counts = [0, 1].map(|wheel| rolled_m[wheel].abs() > DEAD_SHARE * rolled_m[1 - wheel].abs());
-        let is_dead = self.trials.map(|trial| trial.state == EncoderState::Dead);
+        let counts = [0, 1].map(|wheel| rolled_m[wheel].abs() > self.params.dead_share * rolled_m[1 - wheel].abs());
+        let is_dead = self.tests.map(|test| test.state == EncoderState::Dead);
         let mut dead = [None; 2];
         let mut reversed = [None; 2];
         for wheel in 0..2 {
             let other_m = rolled_m[1 - wheel];
             if !counts[wheel] && !is_dead[wheel] {
-                let costs = ROLLED_SHARES.iter().filter_map(|share| cost(with(rolled_m, wheel, share * other_m)));
+                let costs =
+                    self.params.rolled_shares.iter().filter_map(|share| cost(with(rolled_m, wheel, share * other_m)));
                 dead[wheel] = costs.min_by(f64::total_cmp);
             }
-            if counts == [true; 2] && is_dead == [false; 2] && rolled_m[wheel].abs() > MIN_ROLLED_M {
+            if counts == [true; 2] && is_dead == [false; 2] && rolled_m[wheel].abs() > self.params.min_rolled_m {
                 reversed[wheel] = cost(with(rolled_m, wheel, -rolled_m[wheel]));
             }
         }
-        for (wheel, trial) in self.trials.iter_mut().enumerate() {
-            trial.counted = if counts[wheel] { trial.counted + 1 } else { 0 };
+        for (wheel, test) in self.tests.iter_mut().enumerate() {
+            test.counted = if counts[wheel] { test.counted + 1 } else { 0 };
             if let Some(cost) = dead[wheel] {
-                trial.dead.add(told - cost, sweep.index);
+                test.dead.add(told - cost, sweep.index, &self.params);
             } else if counts[wheel] {
-                trial.dead = Sum { ratio: 0.0, zero_sweep: Some(sweep.index) };
+                test.dead = Sum { ratio: 0.0, zero_sweep: Some(sweep.index) };
             }
             if let Some(cost) = reversed[wheel] {
                 // The other encoder may be the reversed one.
                 let rival = reversed[1 - wheel].map_or(told, |other| other.min(told));
-                trial.reversed.add(rival - cost, sweep.index);
+                test.reversed.add(rival - cost, sweep.index, &self.params);
             }
         }
     }
 
     fn verdict(&mut self) -> Option<EncoderChange> {
-        let guilty = |trial: &Trial| trial.state != EncoderState::Dead && trial.dead.ratio >= DECLARE;
-        let backwards = |trial: &Trial| trial.reversed.ratio >= DECLARE;
-        let healed = |trial: &Trial| trial.state == EncoderState::Dead && trial.counted >= COUNTED_STEPS;
-        let changed = |trial: &Trial| guilty(trial) || backwards(trial) || healed(trial);
-        let place = self.trials.iter().position(changed)?;
-        let trial = &mut self.trials[place];
-        let (before, dead, reversed) = (trial.state, trial.dead, trial.reversed);
-        let is_reversed = &mut self.is_reversed[place];
+        let dead_now =
+            |test: &EncoderTest| test.state != EncoderState::Dead && test.dead.ratio >= self.params.encoder_declare;
+        let backwards = |test: &EncoderTest| test.reversed.ratio >= self.params.encoder_declare;
+        let healed =
+            |test: &EncoderTest| test.state == EncoderState::Dead && test.counted >= self.params.encoder_counted_steps;
+        let changed = |test: &EncoderTest| dead_now(test) || backwards(test) || healed(test);
+        let index = self.tests.iter().position(changed)?;
+        let test = &mut self.tests[index];
+        let (before, dead, reversed) = (test.state, test.dead, test.reversed);
+        let is_reversed = &mut self.is_reversed[index];
         let since_sweep;
-        if guilty(trial) {
-            (trial.state, since_sweep) = (EncoderState::Dead, dead.zero_sweep);
+        if dead_now(test) {
+            (test.state, since_sweep) = (EncoderState::Dead, dead.zero_sweep);
         } else {
             since_sweep = reversed.zero_sweep;
-            *is_reversed ^= backwards(trial);
-            trial.state = if *is_reversed { EncoderState::Reversed } else { EncoderState::Healthy };
+            *is_reversed ^= backwards(test);
+            test.state = if *is_reversed { EncoderState::Reversed } else { EncoderState::Healthy };
         }
-        let state = trial.state;
-        for trial in &mut self.trials {
-            *trial = Trial { state: trial.state, ..Trial::default() };
+        let state = test.state;
+        for test in &mut self.tests {
+            *test = EncoderTest { state: test.state, ..EncoderTest::default() };
         }
         // The sweeps to come are told otherwise than this one was.
         self.since_sweep = None;
-        Some(EncoderChange { wheel: Wheel::BOTH[place], before, state, since_sweep })
+        Some(EncoderChange { wheel: Wheel::BOTH[index], before, state, since_sweep })
     }
 }
 
 impl Sum {
     /// Adds what a step that ends with the sweep `now` says.
-    fn add(&mut self, difference: f64, now: u64) {
-        let added = (GAIN * difference).clamp(-MAX_ADDED, MAX_ADDED);
+    fn add(&mut self, difference: f64, now: u64, params: &Params) {
+        let added = (params.encoder_gain * difference).clamp(-params.encoder_max_added, params.encoder_max_added);
         self.ratio = (self.ratio + added).max(0.0);
         if self.ratio <= 0.0 && added < 0.0 {
             self.zero_sweep = Some(now);

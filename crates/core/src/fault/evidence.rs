@@ -1,10 +1,11 @@
-//! What one sweep says of one sensor, in figures and in words.
+//! The evidence of one sweep on one sensor, and the reason text of a fault.
 
 use super::neighbours::Seen;
+use super::params::Params;
 use crate::event::{FaultKind, SensorState};
 use crate::sweep::NoMeasurement;
 
-/// What one sweep says of one sensor.
+/// The evidence of one sweep on one sensor.
 #[derive(Clone, Copy, Debug)]
 pub struct Evidence {
     /// The reading, as REP-117.
@@ -32,15 +33,13 @@ pub struct Expected {
     pub detection_probability: f64,
 }
 
-/// A reading this far beyond what the neighbours hear is said to be, metres.
+/// The reason names the neighbours where the reading lies this far beyond theirs, metres. It changes the text only.
 const BEYOND_M: f64 = 0.2;
-/// What a robot hears that has moved less is not new, metres.
-const MOVED_M: f64 = 0.012;
 
 impl Evidence {
     /// How much of what is heard is new, from 0 for a robot that stands to 1.
-    pub(super) fn novelty(&self) -> f64 {
-        (self.moved_m / MOVED_M).min(1.0)
+    pub(super) fn novelty(&self, params: &Params) -> f64 {
+        (self.moved_m / params.moved_m).min(1.0)
     }
 
     /// Why a sensor's state is what it is; `last_m` is the last range that it measured.

@@ -5,5 +5,6 @@ pub mod encoder;
 pub mod evidence;
 pub mod fault_test;
 pub mod neighbours;
+pub mod params;
 pub mod pca;
 mod profile;

@@ -2,17 +2,19 @@
 //!
 //! Where the nearest trusted sensors on both sides hear a surface at about the same distance, the one between them looks at it, too. That
 //! needs neither map nor pose, so it works from the first sweep on and with a robot that is lost. A door between two jambs
-//! deceives it for a moment; the sequential test forgives that.
+//! looks like a fault for a moment; the sequential test tolerates that.
 
+use super::params::Params;
 use crate::geometry::{Ring, wrap_angle};
 use crate::sweep::Sweep;
 
-/// Who looks beside whom.
+/// Which sensors look beside which.
 #[derive(Clone, Debug)]
 pub struct Neighbours {
     /// By sensor: left and right, the nearer ones first.
     beside: Vec<[[Option<usize>; DEPTH]; 2]>,
     bearings_rad: Vec<f64>,
+    agree_m: f64,
 }
 
 /// What the neighbours see.
@@ -20,34 +22,31 @@ pub struct Neighbours {
 pub struct Seen {
     /// The farther one of the two that look on either side, metres.
     pub range_m: f64,
-    /// How many see it.
+    /// How many neighbours see it.
     pub witnesses: usize,
     /// The angle between those two, radians: the wider, the more may hide between them.
     pub span_rad: f64,
 }
 
-/// Neighbours kept on each side: where the nearest is broken, the next one speaks.
+/// Neighbours kept on each side: where the nearest is broken, the next one is used.
 const DEPTH: usize = 3;
-/// A neighbour that looks farther aside than this looks at something else.
-const ASIDE_RAD: f64 = 46.0 / 180.0 * std::f64::consts::PI;
-/// The neighbours on both sides agree to this, metres.
-const AGREE_M: f64 = 0.4;
 
 impl Neighbours {
     /// The neighbours in a ring.
     #[must_use]
-    pub fn new(ring: &Ring) -> Self {
+    pub fn new(ring: &Ring, params: &Params) -> Self {
         let bearings_rad: Vec<f64> =
             ring.mountings.iter().map(|mounting| mounting.robot_from_sensor.theta_rad).collect();
         let side = |sensor: usize, sign: f64| {
             let aside = |other: usize| sign * wrap_angle(bearings_rad[other] - bearings_rad[sensor]);
-            let mut others: Vec<usize> =
-                (0..ring.len()).filter(|&other| aside(other) > 1e-6 && aside(other) <= ASIDE_RAD).collect();
+            let mut others: Vec<usize> = (0..ring.len())
+                .filter(|&other| aside(other) > 1e-6 && aside(other) <= params.neighbour_aside_rad)
+                .collect();
             others.sort_by(|&a, &b| aside(a).total_cmp(&aside(b)));
-            std::array::from_fn(|place| others.get(place).copied())
+            std::array::from_fn(|index| others.get(index).copied())
         };
         let beside = (0..ring.len()).map(|sensor| [side(sensor, 1.0), side(sensor, -1.0)]).collect();
-        Self { beside, bearings_rad }
+        Self { beside, bearings_rad, agree_m: params.neighbour_agree_m }
     }
 
     /// The surface that trusted neighbours on both sides see; none where one side has no such neighbour, it hears nothing, or the
@@ -61,12 +60,12 @@ impl Neighbours {
         };
         let (left, right) = (nearest(&beside[0])?, nearest(&beside[1])?);
         let (left_m, right_m) = (range_m(left), range_m(right));
-        if (left_m - right_m).abs() > AGREE_M {
+        if (left_m - right_m).abs() > self.agree_m {
             return None;
         }
         let farthest_m = left_m.max(right_m);
         let others = beside.iter().flatten().flatten().filter(|&&other| is_trusted(other));
-        let witnesses = others.filter(|&&other| (range_m(other) - farthest_m).abs() <= AGREE_M).count();
+        let witnesses = others.filter(|&&other| (range_m(other) - farthest_m).abs() <= self.agree_m).count();
         let span_rad = wrap_angle(self.bearings_rad[left] - self.bearings_rad[right]).abs();
         Some(Seen { range_m: farthest_m, witnesses, span_rad })
     }
@@ -92,7 +91,7 @@ mod tests {
     #[test]
     fn both_sides_must_see_it() {
         let ring = Ring::circle(32, 0.15, 0.2, 4);
-        let neighbours = Neighbours::new(&ring);
+        let neighbours = Neighbours::new(&ring, &Params::default());
         let wall = |sensor: usize| if sensor == 7 || sensor > 9 { f64::INFINITY } else { 1.2 };
         let seen = neighbours.seen(7, &sweep(&ring, wall), |_| true).unwrap();
         assert_eq!((seen.range_m, seen.witnesses), (1.2, 5));
@@ -104,7 +103,7 @@ mod tests {
     #[test]
     fn a_distrusted_neighbour_gives_way_to_the_next() {
         let ring = Ring::circle(32, 0.15, 0.2, 4);
-        let neighbours = Neighbours::new(&ring);
+        let neighbours = Neighbours::new(&ring, &Params::default());
         let sweep = sweep(&ring, |sensor| if sensor == 0 { 2.6 } else { 1.2 });
         assert_eq!(neighbours.seen(31, &sweep, |_| true), None);
         assert!(neighbours.seen(31, &sweep, |sensor| sensor != 0).unwrap().range_m < 1.3);
@@ -113,6 +112,6 @@ mod tests {
     #[test]
     fn sensors_far_apart_say_nothing_of_each_other() {
         let ring = Ring::circle(7, 0.15, 0.2, 4);
-        assert_eq!(Neighbours::new(&ring).seen(3, &sweep(&ring, |_| 1.0), |_| true), None);
+        assert_eq!(Neighbours::new(&ring, &Params::default()).seen(3, &sweep(&ring, |_| 1.0), |_| true), None);
     }
 }

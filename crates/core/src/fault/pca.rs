@@ -12,7 +12,7 @@
 //! **Elements without a number.** V has no holes in the paper, so a missing measurement (NaN, and "too close", −∞) puts the
 //! endpoint at the sensor itself, range 0, and "nothing in range" (+∞) puts it at the farthest range. A sensor that is
 //! always missing, always saturated or stuck is therefore a *constant* row: the mean takes all of it and its residual is 0.
-//! Only the change shows. Whoever needs to see such sensors needs other evidence.
+//! Only the change shows. Such sensors need other evidence.
 
 use crate::sweep::Sweep;
 use nalgebra::{Matrix3, Vector3};
@@ -74,8 +74,8 @@ impl PcaBlock {
     ///
     /// `weight` gives each sensor's say, from 0 to 1, in what the first component *is*, from its number and its variation in this
     /// block (the mean square of its centred rows, square metres); it does not change how its residual is measured. With weight 1
-    /// everywhere this is the paper, and a single wild sensor *is* the first component, residual 0. [`trust`] of the
-    /// variation keeps it from that; trust of the last residual does not, for that residual was 0.
+    /// everywhere this is the paper, and a single wild sensor *is* the first component, residual 0. [`cauchy_weight`] of the
+    /// variation keeps it from that; a weight by the last residual does not, for that residual was 0.
     pub fn analyse(&mut self, weight: impl Fn(usize, f64) -> f64) -> f64 {
         let sensors = self.residuals_m2.len();
         let mut gram = Matrix3::zeros();

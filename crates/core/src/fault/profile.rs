@@ -1,9 +1,10 @@
-//! Two sweeps of the ring and a motion between them: how badly the motion explains what has changed.
+//! How badly a motion between two sweeps explains the change of their ranges.
 //!
 //! Each endpoint of the earlier sweep is carried along by the motion and compared with what the sensor that now looks there hears. That needs
 //! neither map nor pose. Walls hide behind each other and cones are wide, so single misfits say little; their mean tells motions apart
 //! that differ by more than the angle between two sensors.
 
+use super::params::Params;
 use crate::geometry::{Point, Pose2, Ring, wrap_angle};
 use crate::sweep::Sweep;
 use std::f64::consts::TAU;
@@ -18,7 +19,7 @@ pub(super) struct Comparer {
 
 #[derive(Clone, Copy, Debug)]
 struct Sensor {
-    place: Pose2,
+    pose: Pose2,
     cos: f64,
     sin: f64,
 }
@@ -28,23 +29,16 @@ pub(super) type Endpoints = Vec<Point>;
 
 /// Directions told apart: 5 degrees each.
 const DIRECTIONS: usize = 72;
-/// Nobody looks where the nearest sensor looks farther aside than this, radians.
-const ASIDE_RAD: f64 = 23.0 / 180.0 * std::f64::consts::PI;
-/// Spread of an endpoint that the right motion predicts, metres, and the most that one endpoint may cost.
-const SIGMA_M: f64 = 0.08;
-const MAX_COST: f64 = 4.0;
-/// Fewer endpoints compare nothing.
-const MIN_COMPARED: f64 = 4.0;
 
 impl Comparer {
-    pub(super) fn new(ring: &Ring) -> Self {
-        let place = |mounting: &crate::geometry::Mounting| mounting.robot_from_sensor;
-        let sensors: Vec<Sensor> = ring.mountings.iter().map(place).map(Sensor::at).collect();
+    pub(super) fn new(ring: &Ring, params: &Params) -> Self {
+        let pose = |mounting: &crate::geometry::Mounting| mounting.robot_from_sensor;
+        let sensors: Vec<Sensor> = ring.mountings.iter().map(pose).map(Sensor::at).collect();
         let looking = std::array::from_fn(|direction| {
             let bearing_rad = TAU * (direction as f64 + 0.5) / DIRECTIONS as f64;
-            let aside_rad = |sensor: &usize| wrap_angle(sensors[*sensor].place.theta_rad - bearing_rad).abs();
+            let aside_rad = |sensor: &usize| wrap_angle(sensors[*sensor].pose.theta_rad - bearing_rad).abs();
             let nearest = (0..sensors.len()).min_by(|a, b| aside_rad(a).total_cmp(&aside_rad(b)));
-            nearest.filter(|sensor| aside_rad(sensor) < ASIDE_RAD)
+            nearest.filter(|sensor| aside_rad(sensor) < params.endpoint_aside_rad)
         });
         Self { sensors, looking }
     }
@@ -60,7 +54,7 @@ impl Comparer {
         into.clear();
         for (index, (sensor, beam)) in self.sensors.iter().zip(&sweep.beams).enumerate() {
             if beam.has_range() && is_trusted(index) {
-                let (x_m, y_m) = (sensor.place.x_m, sensor.place.y_m);
+                let (x_m, y_m) = (sensor.pose.x_m, sensor.pose.y_m);
                 into.push(Point::new(x_m + beam.range_m * sensor.cos, y_m + beam.range_m * sensor.sin));
             }
         }
@@ -76,6 +70,7 @@ impl Comparer {
         is_trusted: impl Fn(usize) -> bool,
         rolled_m: [f64; 2],
         base_m: f64,
+        params: &Params,
     ) -> Option<f64> {
         let motion = Pose2::default().rolled(rolled_m[0], rolled_m[1], base_m);
         let (sin, cos) = libm::sincos(motion.theta_rad);
@@ -90,19 +85,19 @@ impl Comparer {
             if !range_m.is_finite() || !is_trusted(index) {
                 continue;
             }
-            let Sensor { place, cos, sin } = self.sensors[index];
-            let expected_m = (x_m - place.x_m) * cos + (y_m - place.y_m) * sin;
-            let off = (range_m - expected_m) / SIGMA_M;
-            sum += (0.5 * off * off).min(MAX_COST);
+            let Sensor { pose, cos, sin } = self.sensors[index];
+            let expected_m = (x_m - pose.x_m) * cos + (y_m - pose.y_m) * sin;
+            let off = (range_m - expected_m) / params.endpoint_sigma_m;
+            sum += (0.5 * off * off).min(params.max_cost);
             compared += 1.0;
         }
-        (compared >= MIN_COMPARED).then(|| sum / compared)
+        (compared >= params.min_compared).then(|| sum / compared)
     }
 }
 
 impl Sensor {
-    fn at(place: Pose2) -> Self {
-        let (sin, cos) = libm::sincos(place.theta_rad);
-        Self { place, cos, sin }
+    fn at(pose: Pose2) -> Self {
+        let (sin, cos) = libm::sincos(pose.theta_rad);
+        Self { pose, cos, sin }
     }
 }

@@ -11,7 +11,9 @@ mod known_map;
 pub mod search;
 
 use crate::config::Config;
-use crate::event::{Calibration, Event, LockChange, LockEvent, PositionEvent, SensorState, Verdict};
+use crate::event::{
+    Calibration, Event, KnownMapSearch, LocalizationChange, LocalizationEvent, SearchState, SensorState, Verdict,
+};
 use crate::geometry::{Pose2, Ring, Segment, wrap_angle};
 use crate::mapping::grid::{MapChange, OccupancyGrid};
 use crate::mapping::raster::Raster;
@@ -39,6 +41,8 @@ pub struct Localizer {
     moved_m: f64,
     has_begun: bool,
     has_complained: bool,
+    /// Start of the current search.
+    searching_since: Timestamp,
     /// The running share of sweeps that recognised a wall.
     recognised: f64,
     scratch: Vec<Event>,
@@ -93,6 +97,7 @@ impl Localizer {
             driven_s: 0.0,
             moved_m: 0.0,
             has_begun: false,
+            searching_since: Timestamp::default(),
             has_complained: false,
             recognised: 1.0,
             scratch: Vec::new(),
@@ -126,7 +131,7 @@ impl Localizer {
             pose.theta_rad.to_degrees(),
             100.0 * place.fit
         );
-        self.tell(at, reason, events);
+        self.tell(at, SearchState::Found, reason, events);
     }
 
     /// A robot that recognises nothing any more is not where it is believed to be, nor is one that fits nowhere among the walls.
@@ -140,19 +145,28 @@ impl Localizer {
         if is_abandoned || self.recognised < LOST_SHARE {
             *self.walls = WallSlam::new(&self.config, &self.ring);
             (self.is_found, self.driven_s, self.moved_m, self.has_complained) = (false, 0.0, 0.0, false);
-            self.tell(at, "position lost: nothing that is heard is in the map; it is sought again".into(), events);
+            self.searching_since = at;
+            self.tell(
+                at,
+                SearchState::Lost,
+                "position lost: nothing that is heard is in the map; it is sought again".into(),
+                events,
+            );
         }
     }
 
-    fn tell(&self, at: Timestamp, reason: String, events: &mut Vec<Event>) {
-        events.push(Event::Position(PositionEvent { at, is_known: self.is_found, driven_s: self.driven_s, reason }));
+    fn tell(&self, at: Timestamp, state: SearchState, reason: String, events: &mut Vec<Event>) {
+        let change = LocalizationChange::KnownMap(KnownMapSearch { state, driven_s: self.driven_s, reason });
+        events.push(Event::Localization(LocalizationEvent { at, since: self.searching_since, change }));
     }
 }
 
 impl Estimator for Localizer {
     fn update(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
         if !std::mem::replace(&mut self.has_begun, true) {
-            self.tell(sweep.at, "position unknown: it is sought in the map as soon as the robot drives".into(), events);
+            self.searching_since = sweep.at;
+            let reason = "position unknown: it is sought in the map as soon as the robot drives";
+            self.tell(sweep.at, SearchState::Started, reason.into(), events);
         }
         let rolled_m = 0.5 * (sweep.left_m + sweep.right_m).abs();
         let turned_rad = (sweep.right_m - sweep.left_m).abs() / self.config.robot.wheel_base_m;
@@ -167,8 +181,9 @@ impl Estimator for Localizer {
             return;
         }
         self.walls.update(sweep, &mut self.scratch);
-        // Poses in a frame of its own, and what becomes of them, are nobody's business.
-        events.extend(self.scratch.drain(..).filter(|event| !matches!(event, Event::Estimate(_) | Event::Lock(_))));
+        // Poses in the temporary map's frame, and changes of its localization, mean nothing outside.
+        let is_private = |event: &Event| matches!(event, Event::Estimate(_) | Event::Localization(_));
+        events.extend(self.scratch.drain(..).filter(|event| !is_private(event)));
         if self.moved_m >= SEARCH_M {
             self.moved_m = 0.0;
             let found = self.search(sweep.at, events);
@@ -176,7 +191,7 @@ impl Estimator for Localizer {
                 self.has_complained = true;
                 let reason =
                     format!("position still unknown after {:.0} s of driving: {}", self.driven_s, why_not(found));
-                self.tell(sweep.at, reason, events);
+                self.tell(sweep.at, SearchState::StillUnknown, reason, events);
             }
         }
     }
@@ -223,7 +238,7 @@ impl Place {
 }
 
 fn is_abandoned(event: &Event) -> bool {
-    matches!(event, Event::Lock(LockEvent { change: LockChange::Abandoned, .. }))
+    matches!(event, Event::Localization(LocalizationEvent { change: LocalizationChange::Abandoned, .. }))
 }
 
 fn why_not(found: Option<Found>) -> String {

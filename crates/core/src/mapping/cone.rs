@@ -1,11 +1,11 @@
 //! The inverse sensor model of a sonar: a beam → which cells became freer and which more occupied.
 //!
-//! Up to the range the cone is free, because the nearest surface in it is at the range. Where on the arc that surface lies is not
-//! known from one return:
+//! Up to the range the cone is free, because the nearest surface in it is at the range. One return does not tell
+//! where on the arc that surface lies:
 //!
-//! - A wall that the pose filter knows is marked at the point that echoed.
-//! - A return that a cell on the arc explains, because it is occupied already, is that cell's; only one that nothing explains is
-//!   spread thinly over its arc, so that returns from several places must agree before something appears.
+//! - A wall that the pose filter knows is marked at the point of the echo.
+//! - A return that an occupied cell on the arc explains marks that cell. A return that nothing explains is
+//!   spread thinly over its arc, so that returns from several poses must agree before something appears.
 //! - A beam that heard nothing clears a part of its cone and marks nothing, which removes the arcs at full range of the paper's Fig. 1.
 //!
 //! A surface is thin: what is marked in one cell fades in weaker ones just before and behind it along the beam. A wall is a mirror: a ray
@@ -20,30 +20,14 @@ use crate::geometry::{Point, Pose2};
 pub enum ReturnKind {
     /// A wall, at this point, with this side toward the sensor.
     Wall(Point, WallNormal),
-    /// Something on the arc.
+    /// An unknown surface on the arc.
     Something,
-    /// Nothing was heard.
+    /// No echo.
     Nothing,
 }
 
-// Log-odds in hundredths.
-const FREE: i16 = -24;
-const FREE_UNHEARD: i16 = -8;
-const CONTRADICTED: i16 = -12;
-const WALL_CONTRADICTED: i16 = -60;
-const WALL: i16 = 28;
-const WALL_BESIDE: i16 = 14;
-const KNOWN: i16 = 30;
-const ARC_TOTAL: f64 = 60.0;
-const OPAQUE: i16 = 120;
-/// The part of the cone that is cleared: its rim hears too weakly.
-const CLEARED_PART: f64 = 0.7;
-/// The part of the full range that a beam without an echo clears.
-const UNHEARD_PART: f64 = 0.6;
 /// Rays of a cone at most; a wider or longer one is cleared less densely at its end.
 const MAX_RAYS: usize = 64;
-/// Sine of the incidence from which on a wall is a mirror: 30 degrees.
-const SIN_MIRROR: f64 = 0.5;
 
 /// Clears the cone of one beam and, where it heard something, marks what that was.
 pub fn integrate_beam(
@@ -53,11 +37,12 @@ pub fn integrate_beam(
     range_m: f64,
     kind: ReturnKind,
 ) {
+    let params = *grid.params();
     let (reach_m, free) = match kind {
-        ReturnKind::Nothing => (UNHEARD_PART * range_m, FREE_UNHEARD),
-        ReturnKind::Wall(..) | ReturnKind::Something => (range_m - 1.5 * grid.cell_m(), FREE),
+        ReturnKind::Nothing => (params.unheard_part * range_m, params.free_unheard),
+        ReturnKind::Wall(..) | ReturnKind::Something => (range_m - params.shortfall_cells * grid.cell_m(), params.free),
     };
-    let fan = Fan::new(map_from_sensor, CLEARED_PART * half_angle_rad, reach_m, grid.cell_m());
+    let fan = Fan::new(map_from_sensor, params.cleared_part * half_angle_rad, reach_m, grid.cell_m());
     let (count, is_open) = fan.clear(grid, free);
     match kind {
         ReturnKind::Wall(point, normal) => mark_wall(grid, point, normal),
@@ -68,12 +53,13 @@ pub fn integrate_beam(
 
 /// Marks the point of a wall that echoed, without clearing the way to it.
 pub fn mark_wall(grid: &mut OccupancyGrid, point: Point, normal: WallNormal) {
+    let params = *grid.params();
     let cell = grid.cell(point);
     let (across, along) = match normal {
         WallNormal::X => ((1, 0), (0, 1)),
         WallNormal::Y => ((0, 1), (1, 0)),
     };
-    for (step, hundredths) in [(0, WALL), (-1, WALL_BESIDE), (1, WALL_BESIDE)] {
+    for (step, hundredths) in [(0, params.wall), (-1, params.wall_beside), (1, params.wall_beside)] {
         let here = cell.offset(step * along.0, step * along.1);
         grid.add(here, hundredths);
         grid.face(here, normal);
@@ -85,6 +71,7 @@ pub fn mark_wall(grid: &mut OccupancyGrid, point: Point, normal: WallNormal) {
 
 /// Gives a return to the occupied cell that explains it, or to all of the arc that is in sight.
 fn mark_arc(grid: &mut OccupancyGrid, fan: &Fan, range_m: f64, is_open: &[bool]) {
+    let params = *grid.params();
     let at = |ray: usize, range_m: f64| {
         let (cos, sin) = fan.directions[ray];
         Point::new(fan.origin.x + range_m * cos, fan.origin.y + range_m * sin)
@@ -94,7 +81,7 @@ fn mark_arc(grid: &mut OccupancyGrid, fan: &Fan, range_m: f64, is_open: &[bool])
     for (ray, step) in open().flat_map(|ray| [(ray, 0.0), (ray, -1.0), (ray, 1.0)]) {
         let range_m = range_m + step * grid.cell_m();
         let value = grid.log_odds(grid.cell(at(ray, range_m)));
-        if value > OPAQUE && known.is_none_or(|(best, ..)| value > best) {
+        if value > params.opaque && known.is_none_or(|(best, ..)| value > best) {
             known = Some((value, ray, range_m));
         }
     }
@@ -109,10 +96,10 @@ fn mark_arc(grid: &mut OccupancyGrid, fan: &Fan, range_m: f64, is_open: &[bool])
         }
     };
     if let Some((_, ray, range_m)) = known {
-        return mark(ray, range_m, KNOWN);
+        return mark(ray, range_m, params.known);
     }
     #[expect(clippy::cast_possible_truncation, reason = "at most 60")]
-    let hit = (ARC_TOTAL / is_open.len() as f64).ceil() as i16;
+    let hit = (params.arc_total / is_open.len() as f64).ceil() as i16;
     for ray in open() {
         mark(ray, range_m, hit);
     }
@@ -167,15 +154,16 @@ impl Fan {
 
     /// Clears along one ray from `start_m` on, and gives where it ends: at an occupied cell, else at infinity.
     fn ray(&self, grid: &mut OccupancyGrid, ray: usize, start_m: f64, free: i16) -> f64 {
+        let params = *grid.params();
         let (cos, sin) = self.directions[ray];
         let first_m = start_m + 0.5 * grid.cell_m();
         let ray = grid.ray(self.origin, (cos, sin), first_m, self.reach_m);
-        let Some((step, cell)) = grid.clear(ray, free, OPAQUE) else { return f64::INFINITY };
+        let Some((step, cell)) = grid.clear(ray, free, params.opaque) else { return f64::INFINITY };
         let against = match grid.normal(cell) {
-            Some(WallNormal::X) if sin.abs() > SIN_MIRROR => 0,
-            Some(WallNormal::Y) if cos.abs() > SIN_MIRROR => 0,
-            Some(_) => WALL_CONTRADICTED,
-            None => CONTRADICTED,
+            Some(WallNormal::X) if sin.abs() > params.sin_mirror => 0,
+            Some(WallNormal::Y) if cos.abs() > params.sin_mirror => 0,
+            Some(_) => params.wall_contradicted,
+            None => params.contradicted,
         };
         grid.add(cell, against);
         first_m + f64::from(step) * grid.cell_m()
@@ -206,7 +194,7 @@ mod tests {
         integrate_beam(&mut grid, HERE, 0.25, 3.0, ReturnKind::Something);
         for index in 0..1000 {
             let (distance_m, share) = (0.1 + 0.275 * f64::from(index / 100), f64::from(index % 100) / 50.0 - 1.0);
-            let (sin, cos) = libm::sincos(0.95 * CLEARED_PART * 0.25 * share);
+            let (sin, cos) = libm::sincos(0.95 * grid.params().cleared_part * 0.25 * share);
             let cell = grid.cell(Point::new(0.02 + distance_m * cos, 0.02 + distance_m * sin));
             assert!(grid.log_odds(cell) < 0, "{distance_m} m, {share}");
         }

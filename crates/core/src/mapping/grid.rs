@@ -1,17 +1,18 @@
 //! The occupancy grid: log-odds in sparse tiles.
 //!
-//! A cell holds ln(p / (1 − p)) in hundredths, clamped so that a changed world is learnt anew (Thrun, Burgard and Fox, Probabilistic
+//! A cell holds ln(p / (1 − p)) in hundredths, clamped so that the map can follow a changed world (Thrun, Burgard and Fox, Probabilistic
 //! Robotics, chapter 9). Tiles appear where something is written; how many is bounded, and what did not fit is counted.
 
 mod patch;
 mod ray;
+mod saved;
 mod whole;
 
 pub use patch::{MapChange, Patch, percents};
 pub use ray::{Ray, Reader};
 
+use super::params::Params;
 use crate::geometry::Point;
-use crate::saved_state::{InvalidState, MapState, TileState};
 use rustc_hash::FxHashMap;
 
 /// Cells along a tile's side.
@@ -23,11 +24,8 @@ const MAX_TILES: usize = 16_384;
 const MAX_ENCLOSED: u64 = 1 << 19;
 /// No tile lies farther from the origin: no cell does, see [`OccupancyGrid::cell`].
 const FARTHEST_TILE: u32 = 4_000_000;
-/// Log-odds are clamped here, in hundredths: p from 0.04 to 0.98.
-const FLOOR: i16 = -320;
-const CEILING: i16 = 400;
 
-/// A cell's place: column and row from the frame's origin.
+/// A cell's index: column and row from the frame's origin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Cell {
     /// Along x.
@@ -77,11 +75,12 @@ impl Tile {
 /// The grid.
 #[derive(Clone, Debug)]
 pub struct OccupancyGrid {
+    params: Params,
     cell_m: f64,
     cells_per_m: f64,
-    #[expect(clippy::vec_box, reason = "each at a place of its own: when there are more, none is moved")]
+    #[expect(clippy::vec_box, reason = "each has its own allocation: growth moves no tile")]
     tiles: Vec<Box<Tile>>,
-    places: FxHashMap<(i32, i32), usize>,
+    indices: FxHashMap<(i32, i32), usize>,
     recent: Option<((i32, i32), usize)>,
     /// First and last column and row of the tiles.
     extent: Option<[[i32; 2]; 2]>,
@@ -93,16 +92,29 @@ impl OccupancyGrid {
     /// An empty grid with cells of `cell_m` metres.
     #[must_use]
     pub fn new(cell_m: f64) -> Self {
+        Self::with_params(cell_m, Params::default())
+    }
+
+    /// The same with other constants.
+    #[must_use]
+    pub fn with_params(cell_m: f64, params: Params) -> Self {
         Self {
+            params,
             cell_m,
             cells_per_m: cell_m.recip(),
             tiles: Vec::new(),
-            places: FxHashMap::default(),
+            indices: FxHashMap::default(),
             recent: None,
             extent: None,
             refused: 0,
             revision: 0,
         }
+    }
+
+    /// The constants.
+    #[must_use]
+    pub fn params(&self) -> &Params {
+        &self.params
     }
 
     /// Side of a cell, metres.
@@ -122,13 +134,13 @@ impl OccupancyGrid {
     #[expect(clippy::cast_possible_truncation, reason = "saturates, and is then clamped")]
     pub fn cell(&self, point: Point) -> Cell {
         const FARTHEST: i32 = 100_000_000;
-        let place = |coordinate_m: f64| {
+        let index = |coordinate_m: f64| {
             let cells = coordinate_m * self.cells_per_m;
             let whole = (cells as i32).clamp(-FARTHEST, FARTHEST);
             // A cast rounds toward zero.
             whole - i32::from(f64::from(whole) > cells)
         };
-        Cell { column: place(point.x), row: place(point.y) }
+        Cell { column: index(point.x), row: index(point.y) }
     }
 
     /// Begins a new revision and returns it: what is written from now on belongs to it.
@@ -140,7 +152,7 @@ impl OccupancyGrid {
     /// The lower left cells of the tiles that have changed in `revision` or later, in no order.
     pub fn changed_since(&self, revision: u64) -> impl Iterator<Item = Cell> {
         let corner = |&(column, row): &(i32, i32)| Cell { column: column * SIDE, row: row * SIDE };
-        self.places
+        self.indices
             .iter()
             .filter(move |(_, tile)| self.tiles[**tile].revision >= revision)
             .map(move |(key, _)| corner(key))
@@ -148,9 +160,10 @@ impl OccupancyGrid {
 
     /// Adds `hundredths` of log-odds to a cell.
     pub fn add(&mut self, cell: Cell, hundredths: i16) {
+        let Params { floor, ceiling, .. } = self.params;
         if let Some(tile) = self.tile(cell) {
-            let value = &mut tile.cells[place_in_tile(cell)];
-            *value = value.saturating_add(hundredths).clamp(FLOOR, CEILING);
+            let value = &mut tile.cells[index_in_tile(cell)];
+            *value = value.saturating_add(hundredths).clamp(floor, ceiling);
         }
     }
 
@@ -174,89 +187,49 @@ impl OccupancyGrid {
     #[must_use]
     pub fn normal(&self, cell: Cell) -> Option<WallNormal> {
         let (row, bit) = bit_in_tile(cell);
-        self.tiles[self.place(tile_of(cell))?].normal(row, bit)
+        self.tiles[self.tile_index(tile_of(cell))?].normal(row, bit)
     }
 
     /// A cell's log-odds in hundredths; 0 where nothing is known.
     #[must_use]
     pub fn log_odds(&self, cell: Cell) -> i16 {
-        self.place(tile_of(cell)).map_or(0, |tile| self.tiles[tile].cells[place_in_tile(cell)])
-    }
-
-    /// The tiles as plain numbers, in the order of their places.
-    #[must_use]
-    pub fn saved_state(&self) -> MapState {
-        let mut places: Vec<_> = self.places.iter().collect();
-        places.sort_unstable();
-        let tile = |(&(column, row), &place): (&(i32, i32), &usize)| {
-            let Tile { cells, normal, .. } = &*self.tiles[place];
-            TileState { column, row, log_odds: cells.to_vec(), normal: normal.to_vec() }
-        };
-        MapState { cell_m: self.cell_m, tiles: places.into_iter().map(tile).collect() }
-    }
-
-    /// The grid that wrote the memory.
-    ///
-    /// # Errors
-    /// Where cells or tiles are none that a grid could have.
-    pub fn restore(memory: &MapState) -> Result<Self, InvalidState> {
-        if !(0.005..=1.0).contains(&memory.cell_m) || memory.tiles.len() > MAX_TILES {
-            return Err(InvalidState("the map's cells are of no usable size or number"));
-        }
-        let mut grid = Self::new(memory.cell_m);
-        for tile in &memory.tiles {
-            let (Ok(cells), Ok(normal)) = (tile.log_odds[..].try_into(), tile.normal[..].try_into()) else {
-                return Err(InvalidState("a tile of the map is not whole"));
-            };
-            if tile.log_odds.iter().any(|value| !(FLOOR..=CEILING).contains(value)) {
-                return Err(InvalidState("a tile of the map holds what no tile can"));
-            }
-            grid.extent = grid.extended((tile.column, tile.row));
-            if grid.extent.is_none() {
-                return Err(InvalidState("a tile of the map lies too far from the others"));
-            }
-            if grid.places.insert((tile.column, tile.row), grid.tiles.len()).is_some() {
-                return Err(InvalidState("a tile of the map is there twice"));
-            }
-            grid.tiles.push(Box::new(Tile { cells, normal, revision: 0 }));
-        }
-        Ok(grid)
+        self.tile_index(tile_of(cell)).map_or(0, |tile| self.tiles[tile].cells[index_in_tile(cell)])
     }
 
     /// Where the tile of that key is.
-    fn place(&self, key: (i32, i32)) -> Option<usize> {
+    fn tile_index(&self, key: (i32, i32)) -> Option<usize> {
         match self.recent {
-            Some((recent, place)) if recent == key => Some(place),
-            _ => self.places.get(&key).copied(),
+            Some((recent, index)) if recent == key => Some(index),
+            _ => self.indices.get(&key).copied(),
         }
     }
 
     /// The tile of a cell that is about to change; none where there is no room for it.
     fn tile(&mut self, cell: Cell) -> Option<&mut Tile> {
-        let place = self.tile_place(cell)?;
-        Some(&mut self.tiles[place])
+        let index = self.tile_index_or_new(cell)?;
+        Some(&mut self.tiles[index])
     }
 
     /// Where the tile of a cell is that is about to change, made where it does not exist; none, and counted, where there is no more room.
-    fn tile_place(&mut self, cell: Cell) -> Option<usize> {
+    fn tile_index_or_new(&mut self, cell: Cell) -> Option<usize> {
         let key = tile_of(cell);
-        let place = match self.place(key) {
-            Some(place) => place,
+        let index = match self.tile_index(key) {
+            Some(index) => index,
             None => {
-                let place = self.tiles.len();
-                let Some(extent) = self.extended(key).filter(|_| place < MAX_TILES) else {
+                let index = self.tiles.len();
+                let Some(extent) = self.extended(key).filter(|_| index < MAX_TILES) else {
                     self.refused += 1;
                     return None;
                 };
                 self.extent = Some(extent);
                 self.tiles.push(Box::new(Tile { cells: [0; TILE * TILE], normal: [[0; 2]; TILE], revision: 0 }));
-                self.places.insert(key, place);
-                place
+                self.indices.insert(key, index);
+                index
             }
         };
-        self.recent = Some((key, place));
-        self.tiles[place].revision = self.revision;
-        Some(place)
+        self.recent = Some((key, index));
+        self.tiles[index].revision = self.revision;
+        Some(index)
     }
 
     /// The extent with one more tile; none where that would enclose too much.
@@ -264,7 +237,7 @@ impl OccupancyGrid {
         let [[left, bottom], [right, top]] = self.extent.unwrap_or([[column, row]; 2]);
         let (low, high) = ([left.min(column), bottom.min(row)], [right.max(column), top.max(row)]);
         let [columns, rows] = [0, 1].map(|axis| u64::from(high[axis].abs_diff(low[axis])) + 1);
-        let is_near = [low, high].as_flattened().iter().all(|place| place.unsigned_abs() < FARTHEST_TILE);
+        let is_near = [low, high].as_flattened().iter().all(|index| index.unsigned_abs() < FARTHEST_TILE);
         (is_near && columns * rows <= MAX_ENCLOSED).then_some([low, high])
     }
 }
@@ -279,7 +252,7 @@ const fn in_tile(cell: Cell) -> (usize, usize) {
     ((cell.column & (SIDE - 1)) as usize, (cell.row & (SIDE - 1)) as usize)
 }
 
-const fn place_in_tile(cell: Cell) -> usize {
+const fn index_in_tile(cell: Cell) -> usize {
     let (column, row) = in_tile(cell);
     row << TILE.trailing_zeros() | column
 }
@@ -304,7 +277,7 @@ mod tests {
                 let cell = Cell { column: -3, row: 70 };
                 grid.add(cell, step);
                 let value = grid.log_odds(cell);
-                prop_assert!((FLOOR..=CEILING).contains(&value));
+                prop_assert!((grid.params.floor..=grid.params.ceiling).contains(&value));
             }
         }
 

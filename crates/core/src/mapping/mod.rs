@@ -2,4 +2,5 @@
 
 pub mod cone;
 pub mod grid;
+pub mod params;
 pub mod raster;

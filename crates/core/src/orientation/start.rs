@@ -42,7 +42,7 @@ pub struct Search {
 #[derive(Clone, Debug)]
 pub enum Step {
     /// There is more to be tried.
-    Goes(Search),
+    Running(Search),
     /// The building's axis in the frame of the robot at the first sweep; none without returns.
     Done(Option<Axis>),
 }
@@ -83,7 +83,7 @@ impl Search {
         if self.tried.is_multiple_of(AROUND.len()) {
             self.centre = self.best;
         }
-        Step::Goes(self)
+        Step::Running(self)
     }
 }
 

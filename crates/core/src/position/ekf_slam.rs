@@ -46,14 +46,14 @@ pub struct EkfSlam {
     pub(super) walls: Vec<WallLandmark>,
     pub(super) inactive: InactiveLandmarks,
     /// True where the walls are known and none is learnt or changed.
-    pub(super) is_fixed: bool,
+    pub(super) is_frozen: bool,
     pub(super) initializer: LandmarkInitializer,
     pub(super) associations: Vec<Association>,
     matches: Vec<Option<usize>>,
     /// The walls among the matches, each once.
     seen: Vec<usize>,
     expected: Vec<Option<f64>>,
-    pub(super) watch: LocalizationMonitor,
+    pub(super) monitor: LocalizationMonitor,
     turns: InnovationWhiteness,
     nis: f64,
 }
@@ -99,13 +99,13 @@ impl EkfSlam {
             filter: Filter::new(pose, heading_sigma_rad, nominal),
             walls: Vec::with_capacity(MAX_WALLS),
             inactive: InactiveLandmarks::default(),
-            is_fixed: false,
+            is_frozen: false,
             initializer: LandmarkInitializer::default(),
             associations: Vec::new(),
             matches: Vec::new(),
             seen: Vec::new(),
             expected: Vec::new(),
-            watch: LocalizationMonitor::default(),
+            monitor: LocalizationMonitor::default(),
             turns: InnovationWhiteness::default(),
             nis: f64::NAN,
         }
@@ -135,21 +135,21 @@ impl EkfSlam {
     }
 
     /// Works out at which range each beam must hear a wall that is well known and squarely in its cone.
-    pub fn expect(&mut self, sweep: &Sweep) {
+    pub fn predict_ranges(&mut self, sweep: &Sweep) {
         self.expected.clear();
         let place = Placement::from(self.filter.pose());
         for beam in &sweep.beams {
-            self.expected.push(self.expected_range(place, beam));
+            self.expected.push(self.predict_range(place, beam));
         }
     }
 
     /// That range, for one sensor of the sweep at hand.
     #[must_use]
-    pub fn expected_m(&self, sensor: usize) -> Option<f64> {
+    pub fn expected_range_m(&self, sensor: usize) -> Option<f64> {
         self.expected.get(sensor).copied().flatten()
     }
 
-    fn expected_range(&self, place: Placement, beam: &Beam) -> Option<f64> {
+    fn predict_range(&self, place: Placement, beam: &Beam) -> Option<f64> {
         let sensor = place * beam.robot_from_sensor;
         let (quarter, off_rad) = nearest_quarter(sensor.theta_rad);
         if off_rad.abs() > 0.7 * beam.half_angle_rad.max(0.1) {
@@ -180,7 +180,7 @@ impl EkfSlam {
             self.matches.push(found);
             if observation.is_some() {
                 let is_known = found.is_some_and(|wall| self.walls[wall].hits >= WELL_KNOWN);
-                self.watch.weigh(is_known, self.expected_m(sensor), beam.range_m);
+                self.monitor.weigh(is_known, self.expected_range_m(sensor), beam.range_m);
             }
             self.associations.push(match (observation, found) {
                 (Some(observation), Some(_)) => Association::Wall(observation),
@@ -216,8 +216,8 @@ impl EkfSlam {
             }
         }
         self.nis = nis_sum / seen;
-        if !self.is_fixed {
-            if may_learn && !self.watch.is_doubtful() {
+        if !self.is_frozen {
+            if may_learn && !self.monitor.is_doubtful() {
                 self.learn(sweep);
             }
             self.merge(sweep.index);
@@ -227,7 +227,7 @@ impl EkfSlam {
 
     /// Variance of a wall's fused noise.
     fn model_variance(&self) -> f64 {
-        let sigma_m = if self.is_fixed { FIXED_SIGMA_M } else { MODEL_SIGMA_M };
+        let sigma_m = if self.is_frozen { FIXED_SIGMA_M } else { MODEL_SIGMA_M };
         sigma_m * sigma_m
     }
 
@@ -305,7 +305,7 @@ impl EkfSlam {
             innovation += measurement.innovation / measurement.variance;
             edge += observation.edge_m / measurement.variance;
             robot += measurement.robot / measurement.variance;
-            if observation.oblique_rad < 0.1 && !self.is_fixed {
+            if observation.oblique_rad < 0.1 && !self.is_frozen {
                 let extent = &mut self.walls[wall];
                 extent.lo_m = extent.lo_m.min(observation.along_m);
                 extent.hi_m = extent.hi_m.max(observation.along_m);

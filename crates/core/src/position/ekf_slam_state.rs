@@ -43,15 +43,15 @@ impl EkfSlam {
 
     /// True where the walls are known and none is changed.
     #[must_use]
-    pub fn is_fixed(&self) -> bool {
-        self.is_fixed
+    pub fn is_frozen(&self) -> bool {
+        self.is_frozen
     }
 
     /// Takes the walls as they are: from now on the tracker finds the robot among them and changes none.
-    pub fn fix_walls(&mut self) {
-        self.is_fixed = true;
-        self.filter.fix_walls();
-        self.inactive.fix();
+    pub fn freeze_walls(&mut self) {
+        self.is_frozen = true;
+        self.filter.freeze_walls();
+        self.inactive.freeze();
     }
 }
 

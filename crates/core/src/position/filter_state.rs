@@ -70,7 +70,7 @@ impl Filter {
     }
 
     /// Takes the walls as they are, without doubt: updates change the robot only.
-    pub fn fix_walls(&mut self) {
+    pub fn freeze_walls(&mut self) {
         self.cross.fill(Robot::zeros());
         self.wall_cov.clear();
     }

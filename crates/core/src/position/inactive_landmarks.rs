@@ -42,7 +42,7 @@ impl InactiveLandmarks {
     }
 
     /// Takes them as they are.
-    pub(super) fn fix(&mut self) {
+    pub(super) fn freeze(&mut self) {
         self.walls.iter_mut().for_each(|inactive| inactive.variance = 0.0);
     }
 

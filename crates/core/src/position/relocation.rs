@@ -12,8 +12,8 @@ const RELOCALIZED_SIGMA_RAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
 impl EkfSlam {
     /// Whether what is heard agrees with the walls.
     #[must_use]
-    pub fn watch(&self) -> &LocalizationMonitor {
-        &self.watch
+    pub fn monitor(&self) -> &LocalizationMonitor {
+        &self.monitor
     }
 
     /// Every well-known wall that was learnt before the sweep `until`, or by an earlier run.
@@ -43,8 +43,8 @@ impl EkfSlam {
     }
 
     /// Forgets what contradicted the map.
-    pub fn trust_anew(&mut self) {
-        self.watch = LocalizationMonitor::default();
+    pub fn reset_monitor(&mut self) {
+        self.monitor = LocalizationMonitor::default();
     }
 }
 

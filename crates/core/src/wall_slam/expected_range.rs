@@ -1,65 +1,58 @@
-//! What a beam must hear, by the map.
+//! The range that a beam must measure, by the map.
 //!
-//! Rays across the beam are followed to the first cell where anything may stand. A ray *ends* where that is well known, and what it ends
-//! at *answers* where it is met within 30 degrees of its normal or is no wall: a corner, a leg. The two shares of the rays tell how
-//! surely a healthy sensor hears something. In the simulator's worlds, alike in all, it is silent nearly half the time where none
-//! answers, in 2 % of the sweeps where a third do, in 1 % or less where half do and in less than 0.1 % where all do. Where the
-//! others do not end, the map has a gap, and it is silent four times as often as where they do.
+//! Rays across the beam are followed to the first cell that may be occupied. A ray *ends* if that cell is well known. Its end
+//! *reflects* the sound back if the surface is met within 30 degrees of its normal, or has no normal: a corner, a leg. The two
+//! shares of the rays give the detection probability. In the simulator's worlds, alike in all, a healthy sensor is silent nearly half the
+//! time if no ray is reflected, in 2 % of the sweeps if a third are, in 1 % or less if half are and in less than 0.1 % if all are.
+//! If the other rays do not end, the map has a gap, and the sensor is silent four times as often as if they do.
 
+use super::params::Params;
 use crate::fault::evidence::Expected;
 use crate::geometry::Pose2;
 use crate::mapping::grid::{OccupancyGrid, WallNormal};
 use crate::position::beam_model::POINT_RAD;
 
-/// Where the rays lie between the axis and the beam's edges; where none of the first ends, the view is open.
-const PLACES: [f64; 5] = [0.0, -1.0, 1.0, -0.5, 0.5];
-const ENOUGH: usize = 3;
-/// The rays spread at least this far to either side: the heading is not known better, radians.
-const MIN_SPREAD_RAD: f64 = 0.05;
-/// From these log-odds on a cell is well known, hundredths.
-const WELL_KNOWN: i16 = 200;
-/// Cosine of the incidence up to which a wall answers: 30 degrees.
-const COS_ANSWERS: f64 = 0.866;
-/// What is nearer to the farthest range than this may well be missed, metres.
-const MARGIN_M: f64 = 0.25;
-
-/// What the beam of a sensor at `map_from_sensor` must hear; none where nothing in it answers.
+/// What the beam of a sensor at `map_from_sensor` must measure; none if nothing in it reflects.
 #[must_use]
 pub(super) fn expected(
     grid: &OccupancyGrid,
     map_from_sensor: Pose2,
     half_angle_rad: f64,
     max_range_m: f64,
+    params: &Params,
 ) -> Option<Expected> {
-    let spread_rad = half_angle_rad.max(MIN_SPREAD_RAD);
-    let (mut ended, mut answered, mut nearest_m) = (0.0, 0.0, f64::INFINITY);
-    for (count, place) in PLACES.into_iter().enumerate() {
-        if count == ENOUGH && ended == 0.0 {
+    let spread_rad = half_angle_rad.max(params.min_ray_spread_rad);
+    let (mut ended, mut reflected, mut nearest_m) = (0.0, 0.0, f64::INFINITY);
+    for (count, offset) in params.ray_offsets.into_iter().enumerate() {
+        if count == params.rays_for_open_view && ended == 0.0 {
             return None;
         }
-        let ray = map_from_sensor * Pose2::new(0.0, 0.0, spread_rad * place);
-        let Some(Met { range_m, cos_incidence }) = follow(grid, ray, max_range_m - MARGIN_M) else { continue };
+        let ray = map_from_sensor * Pose2::new(0.0, 0.0, spread_rad * offset);
+        let Some(RayEnd { range_m, cos_incidence }) = follow(grid, ray, max_range_m - params.range_margin_m, params)
+        else {
+            continue;
+        };
         ended += 1.0;
-        // A point beam hears whatever it meets.
-        if half_angle_rad < POINT_RAD || cos_incidence > COS_ANSWERS {
-            answered += 1.0;
+        // A point beam measures whatever it meets.
+        if half_angle_rad < POINT_RAD || cos_incidence > params.min_cos_incidence {
+            reflected += 1.0;
             nearest_m = nearest_m.min(range_m);
         }
     }
-    let rays = PLACES.len() as f64;
-    let detection_probability = answered / rays * (ended / rays).powi(2);
-    (answered > 0.0).then_some(Expected { range_m: nearest_m, detection_probability })
+    let rays = params.ray_offsets.len() as f64;
+    let detection_probability = reflected / rays * (ended / rays).powi(2);
+    (reflected > 0.0).then_some(Expected { range_m: nearest_m, detection_probability })
 }
 
 /// Where a ray ends.
-struct Met {
+struct RayEnd {
     range_m: f64,
-    /// 1 where the surface has no direction.
+    /// 1 if the surface has no normal.
     cos_incidence: f64,
 }
 
-/// Follows a ray to the first cell where anything may stand; none where that is not well known.
-fn follow(grid: &OccupancyGrid, ray: Pose2, reach_m: f64) -> Option<Met> {
+/// Follows a ray to the first cell that may be occupied; none if that is not well known.
+fn follow(grid: &OccupancyGrid, ray: Pose2, reach_m: f64, params: &Params) -> Option<RayEnd> {
     let (sin, cos) = libm::sincos(ray.theta_rad);
     let mut reader = grid.reader();
     for (step, cell) in (1..).zip(grid.ray(ray.position(), (cos, sin), grid.cell_m(), reach_m)) {
@@ -70,7 +63,8 @@ fn follow(grid: &OccupancyGrid, ray: Pose2, reach_m: f64) -> Option<Met> {
                 Some(WallNormal::Y) => sin.abs(),
                 None => 1.0,
             };
-            return (log_odds >= WELL_KNOWN).then_some(Met { range_m: f64::from(step) * grid.cell_m(), cos_incidence });
+            let range_m = f64::from(step) * grid.cell_m();
+            return (log_odds >= params.well_known_log_odds).then_some(RayEnd { range_m, cos_incidence });
         }
     }
     None
@@ -99,31 +93,34 @@ mod tests {
 
     fn detection_probability(grid: &OccupancyGrid, heading_deg: f64, half_angle_rad: f64) -> f64 {
         let pose = Pose2::new(0.01, 0.0, heading_deg.to_radians());
-        expected(grid, pose, half_angle_rad, 3.0).map_or(0.0, |expected| expected.detection_probability)
+        expected(grid, pose, half_angle_rad, 3.0, &Params::default())
+            .map_or(0.0, |expected| expected.detection_probability)
     }
 
     #[test]
-    fn a_wall_that_fills_the_beam_must_be_heard_and_one_that_mirrors_the_sound_away_need_not() {
+    fn a_wall_that_fills_the_beam_is_expected_unless_it_mirrors_the_sound_away() {
         let wall = wall(2.0);
         assert!((detection_probability(&wall, 0.0, HALF_RAD) - 1.0).abs() < 1e-9);
         assert!((0.1..0.9).contains(&detection_probability(&wall, 35.0, HALF_RAD)));
         assert!(detection_probability(&wall, 45.0, HALF_RAD) < 1e-9);
-        assert!((detection_probability(&wall, 45.0, 0.0) - 1.0).abs() < 1e-9, "a point beam hears it");
-        assert!((expected(&wall, Pose2::default(), HALF_RAD, 3.0).unwrap().range_m - 1.5).abs() < 0.06);
+        assert!((detection_probability(&wall, 45.0, 0.0) - 1.0).abs() < 1e-9, "a point beam measures it");
+        assert!(
+            (expected(&wall, Pose2::default(), HALF_RAD, 3.0, &Params::default()).unwrap().range_m - 1.5).abs() < 0.06
+        );
     }
 
     #[test]
-    fn the_more_of_the_beam_is_open_the_less_is_sure() {
+    fn the_detection_probability_falls_with_the_open_part_of_the_beam() {
         let [whole, most, half] = [2.0, 0.2, 0.0].map(|until_m| detection_probability(&wall(until_m), 0.0, HALF_RAD));
         assert!(whole > most && most > 2.0 * half && half > 0.0, "{whole} {most} {half}");
     }
 
     #[test]
-    fn what_is_too_far_or_hardly_known_promises_nothing() {
+    fn nothing_is_expected_of_cells_that_are_too_far_or_hardly_known() {
         let pose = Pose2::new(-1.4, 0.0, 0.0);
-        assert!(expected(&wall(2.0), pose, HALF_RAD, 3.0).is_none());
+        assert!(expected(&wall(2.0), pose, HALF_RAD, 3.0, &Params::default()).is_none());
         let mut once = OccupancyGrid::new(0.05);
         mark_wall(&mut once, Point::new(1.52, 0.0), WallNormal::X);
-        assert!(expected(&once, Pose2::default(), HALF_RAD, 3.0).is_none());
+        assert!(expected(&once, Pose2::default(), HALF_RAD, 3.0, &Params::default()).is_none());
     }
 }

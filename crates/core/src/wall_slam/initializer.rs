@@ -1,11 +1,13 @@
-//! The first sweeps: they wait until they agree on the building's axis, and on the robot's first heading in it.
+//! Finds the building's axis, and the robot's first heading in it, from the first sweeps.
 //!
-//! The first heading is the frame of everything after it, so two views of it are taken. The Hough transform lays all the returns out along the
-//! wheels' path ([`crate::orientation::start`]). From there the filter follows the sweeps to the last and back again, with
-//! the walls that it learnt on the way: at the first sweep it knows what all of them know together. It does so twice. Near each other the two are averaged;
-//! the farther they are apart, the likelier it is that the wheels bent the path, and the less the first is worth.
+//! The first heading fixes the map's frame, so it is estimated twice. The Hough transform lays all returns out along the wheels' path
+//! ([`crate::orientation::start`]). From there a trial filter follows the sweeps to the last and back again, learning walls on the
+//! way: back at the first sweep it knows what all sweeps know together. This is done twice. If the two headings are near each other
+//! they are averaged; the farther apart they are, the likelier it is that wrong wheels bent the path, and the less the first counts.
 
-use super::AXIS_SIGMA_RAD;
+use super::params::Params;
+use super::stages::Stages;
+use super::step::{Backlog, Judged, RobotState};
 use crate::event::Calibration;
 use crate::geometry::{Pose2, wrap_angle};
 use crate::orientation::dominant_directions::{Axis, DominantDirections};
@@ -14,139 +16,119 @@ use crate::position::ekf_slam::EkfSlam;
 use crate::sweep::Sweep;
 use std::f64::consts::FRAC_PI_2;
 
-/// The sweeps that wait.
-#[derive(Debug)]
+/// The first sweeps, all of them judged.
+#[derive(Debug, Default)]
 pub(super) struct Initializer {
-    finder: DominantDirections,
     sweeps: Vec<Sweep>,
     travel_m: f64,
     search: Option<Search>,
 }
 
-/// Where to begin, and with what.
+/// The start of a map.
 #[derive(Debug)]
 pub(super) struct Initialized {
-    /// A tracker at the first sweep.
-    pub(super) tracker: EkfSlam,
-    /// All the sweeps that waited.
-    pub(super) sweeps: Vec<Sweep>,
+    /// The robot at the first sweep.
+    pub(super) robot: Box<RobotState>,
+    /// All collected sweeps.
+    pub(super) backlog: Backlog,
 }
 
-/// The axis is sought every so many sweeps, once the robot has driven far enough for its returns to agree pair by pair: a ring
-/// of 8 needs 3 m, one of 32 a sixteenth of that.
-const EVERY_SWEEPS: usize = 25;
-const TRAVEL_M: f64 = 3.0 * 8.0 * 8.0;
-/// Steps of the search in one sweep: it is over before the next is due.
-const STEPS: usize = 3;
-/// A lone slanted thing near the start must not pass for the building.
-const MIN_TRAVEL_M: f64 = 0.6;
-/// After so many the axis is not waited for any longer.
-const MAX_SWEEPS: usize = 300;
-/// The axis must beat every other direction this much at first, and by so much less per metre driven: furniture set at an angle leads
-/// for a while, but the longer the way, the more of the building is heard.
-const MAX_PEAK_RATIO: f64 = 1.8;
-const PEAK_RATIO: f64 = 2.4;
-const PEAK_RATIO_PER_M: f64 = 0.2;
-/// The second time the walls are learnt from a better heading. A third gains nothing.
-const PASSES: usize = 2;
-/// Two views this far apart leave a fifth of the weight to the first.
-const APART_RAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
-
 impl Initializer {
-    /// Nothing heard yet.
-    pub(super) fn new() -> Self {
-        Self {
-            finder: DominantDirections::default(),
-            sweeps: Vec::with_capacity(MAX_SWEEPS),
-            travel_m: 0.0,
-            search: None,
-        }
-    }
-
-    /// Takes a sweep; a initializer once there is one. A robot that stands says nothing new: such sweeps are not kept.
-    pub(super) fn add(
-        &mut self,
-        sweep: &Sweep,
-        wheels: &Calibration,
-        is_trusted: impl Fn(usize) -> bool,
-    ) -> Option<Initialized> {
+    /// Collects a sweep, and searches the axis. A robot at standstill adds no information: such sweeps are dropped.
+    pub(super) fn add(&mut self, judged: &Judged<'_>, stages: &mut Stages) -> Option<Initialized> {
+        let Stages { params, wheels, finder, detector, .. } = stages;
+        let (sweep, params) = (judged.sweep(), &*params);
         let stands = sweep.left_m == 0.0 && sweep.right_m == 0.0;
-        if stands && self.sweeps.len() >= EVERY_SWEEPS && self.search.is_none() {
+        if stands && self.sweeps.len() >= params.axis_every_sweeps && self.search.is_none() {
             return None;
         }
-        self.sweeps.push(sweep.clone());
-        self.travel_m += 0.5 * (sweep.left_m + sweep.right_m).abs();
-        let axis = match self.search.take() {
-            Some(search) => match self.search_on(search, wheels) {
-                Step::Done(axis) => axis,
-                Step::Goes(search) => {
-                    self.search = Some(search);
-                    return None;
-                }
-            },
-            None => {
-                let enough_m = (TRAVEL_M / (sweep.beams.len() as f64).powi(2)).max(MIN_TRAVEL_M);
-                let is_due = self.travel_m >= enough_m && self.sweeps.len().is_multiple_of(EVERY_SWEEPS);
-                if is_due || self.sweeps.len() >= MAX_SWEEPS {
-                    self.search = Search::begin(&mut self.finder, &self.sweeps, wheels);
-                }
-                if self.search.is_some() || self.sweeps.len() < MAX_SWEEPS {
-                    return None;
-                }
-                None
-            }
-        };
-        let axis = axis.filter(Axis::is_believed);
-        let min_peak_ratio = (PEAK_RATIO - PEAK_RATIO_PER_M * self.travel_m).min(MAX_PEAK_RATIO);
-        if self.sweeps.len() < MAX_SWEEPS && axis.is_none_or(|axis| axis.peak_ratio < min_peak_ratio) {
+        self.keep(judged, params);
+        let axis = self.find_axis(finder, wheels, params)?.filter(Axis::is_believed);
+        let min_peak_ratio = (params.peak_ratio - params.peak_ratio_per_m * self.travel_m).min(params.max_peak_ratio);
+        if self.sweeps.len() < params.axis_max_sweeps && axis.is_none_or(|axis| axis.peak_ratio < min_peak_ratio) {
             return None;
         }
         let mut sweeps = std::mem::take(&mut self.sweeps);
         if let Some(first) = sweeps.first_mut() {
             (first.left_m, first.right_m) = (0.0, 0.0);
         }
-        // Without an axis any direction is as good as another: the first heading becomes the map's x axis.
-        let tracker = axis.map_or_else(
-            || tracker_at(0.0, 0.25 * FRAC_PI_2, wheels),
-            |axis| look_back(-axis.angle_rad, &sweeps, wheels, is_trusted),
+        // Without an axis every direction is as good: the first heading becomes the map's x axis.
+        let ekf = axis.map_or_else(
+            || ekf_at(0.0, 0.25 * FRAC_PI_2, wheels),
+            |axis| refine(-axis.angle_rad, &sweeps, wheels, |sensor| detector.is_trusted(sensor), params),
         );
-        Some(Initialized { tracker, sweeps })
+        let robot = RobotState::new(ekf, sweeps.first().map(|first| first.index), params);
+        Some(Initialized { robot, backlog: Backlog::new(sweeps) })
     }
 
-    /// A few steps of a search.
-    fn search_on(&mut self, mut search: Search, wheels: &Calibration) -> Step {
-        for _ in 0..STEPS {
-            match search.step(&mut self.finder, &self.sweeps, wheels) {
-                Step::Goes(on) => search = on,
-                done @ Step::Done(_) => return done,
-            }
+    /// Collects a sweep.
+    pub(super) fn keep(&mut self, judged: &Judged<'_>, params: &Params) {
+        let sweep = judged.sweep();
+        if self.sweeps.is_empty() {
+            self.sweeps.reserve(params.axis_max_sweeps);
         }
-        Step::Goes(search)
+        self.sweeps.push(sweep.clone());
+        self.travel_m += 0.5 * (sweep.left_m + sweep.right_m).abs();
+    }
+
+    /// Continues the search or begins one if it is due. The outer option is none while there is no result, the inner one if no
+    /// axis was found in the last sweep that is waited for.
+    #[expect(clippy::option_option, reason = "no result yet, and a result without an axis")]
+    fn find_axis(
+        &mut self,
+        finder: &mut DominantDirections,
+        wheels: &Calibration,
+        params: &Params,
+    ) -> Option<Option<Axis>> {
+        if let Some(mut search) = self.search.take() {
+            for _ in 0..params.search_steps {
+                match search.step(finder, &self.sweeps, wheels) {
+                    Step::Running(running) => search = running,
+                    Step::Done(axis) => return Some(axis),
+                }
+            }
+            self.search = Some(search);
+            return None;
+        }
+        let sensors = self.sweeps.last().map_or(0, |sweep| sweep.beams.len());
+        let enough_m = (params.axis_travel_m / (sensors as f64).powi(2)).max(params.axis_min_travel_m);
+        let is_due = self.travel_m >= enough_m && self.sweeps.len().is_multiple_of(params.axis_every_sweeps);
+        if is_due || self.sweeps.len() >= params.axis_max_sweeps {
+            self.search = Search::begin(finder, &self.sweeps, wheels);
+        }
+        let gives_up = self.search.is_none() && self.sweeps.len() >= params.axis_max_sweeps;
+        gives_up.then_some(None)
     }
 }
 
-fn tracker_at(heading_rad: f64, sigma_rad: f64, wheels: &Calibration) -> EkfSlam {
+fn ekf_at(heading_rad: f64, sigma_rad: f64, wheels: &Calibration) -> EkfSlam {
     EkfSlam::new(Pose2::new(0.0, 0.0, heading_rad), sigma_rad, *wheels)
 }
 
-/// Follows the sweeps to the last and back, twice; a tracker at the heading that the axis and the way back agree on.
-fn look_back(axis_rad: f64, sweeps: &[Sweep], wheels: &Calibration, is_trusted: impl Fn(usize) -> bool) -> EkfSlam {
-    let mut agreed = tracker_at(axis_rad, AXIS_SIGMA_RAD, wheels);
-    for _ in 0..PASSES {
+/// Follows the sweeps to the last and back, several times; a filter at the heading that the axis and the ways back agree on.
+fn refine(
+    axis_rad: f64,
+    sweeps: &[Sweep],
+    wheels: &Calibration,
+    is_trusted: impl Fn(usize) -> bool,
+    params: &Params,
+) -> EkfSlam {
+    let mut agreed = ekf_at(axis_rad, params.axis_sigma_rad, wheels);
+    for _ in 0..params.refine_passes {
         let from_rad = agreed.filter.pose().theta_rad;
-        let mut scout = tracker_at(from_rad, AXIS_SIGMA_RAD, wheels);
+        let mut trial = ekf_at(from_rad, params.axis_sigma_rad, wheels);
         for sweep in sweeps {
-            scout.predict(sweep.left_m, sweep.right_m);
-            scout.correct(sweep, true, &is_trusted);
+            trial.predict(sweep.left_m, sweep.right_m);
+            trial.correct(sweep, true, &is_trusted);
         }
         for pair in sweeps.windows(2).rev() {
-            scout.predict(-pair[1].left_m, -pair[1].right_m);
-            scout.correct(&pair[0], true, &is_trusted);
+            trial.predict(-pair[1].left_m, -pair[1].right_m);
+            trial.correct(&pair[0], true, &is_trusted);
         }
-        let (back_rad, sigma_rad) = (scout.filter.pose().theta_rad, scout.filter.pose_covariance()[(2, 2)].sqrt());
+        let (back_rad, sigma_rad) = (trial.filter.pose().theta_rad, trial.filter.pose_covariance()[(2, 2)].sqrt());
         let apart_rad = wrap_angle(from_rad - back_rad);
-        let weight = 0.5 / (1.0 + (apart_rad / APART_RAD).powi(2));
-        agreed = tracker_at(wrap_angle(back_rad + weight * apart_rad), sigma_rad, wheels);
+        let weight = 0.5 / (1.0 + (apart_rad / params.refine_apart_rad).powi(2));
+        agreed = ekf_at(wrap_angle(back_rad + weight * apart_rad), sigma_rad, wheels);
     }
     agreed
 }

@@ -1,65 +1,41 @@
-//! The default method as the pipeline sees it.
+//! The default method as the pipeline sees it: the entry points, and what can be read of its state.
 
-use super::WallSlam;
+use super::step::RobotState;
+use super::{Mode, OdometryOutage, WallSlam};
 use crate::event::{Calibration, Event, SensorState, Verdict};
-use crate::geometry::{Placement, Segment};
+use crate::geometry::{Pose2, Segment};
 use crate::mapping::grid::MapChange;
 use crate::mapping::raster::Raster;
 use crate::pipeline::Estimator;
 use crate::position::ekf_slam::{Association, EkfSlam};
 use crate::saved_state::SavedState;
-use crate::sweep::{Beam, Sweep};
+use crate::sweep::Sweep;
 
 impl Estimator for WallSlam {
     fn update(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
-        if self.blind.is_some() {
-            self.detector.inspect(sweep, |_| None, events);
-            self.watch_encoders(sweep, events);
-            self.hold_pose(sweep, events);
-        } else if let (Some(tracker), true) = (&mut self.tracker, self.waiting.is_empty()) {
-            tracker.predict(sweep.left_m, sweep.right_m);
-            tracker.expect(sweep);
-            let is_lost = self.lost.is_some() || self.encoders.is_suspected();
-            let place = Placement::from(tracker.filter.pose());
-            let expected = |beam: &Beam| {
-                let map_from_sensor = place * beam.robot_from_sensor;
-                (!is_lost).then(|| {
-                    super::expected_range::expected(&self.grid, map_from_sensor, beam.half_angle_rad, self.max_range_m)
-                })?
-            };
-            self.detector.inspect(sweep, expected, events);
-            self.watch_encoders(sweep, events);
-            if self.blind.is_some() { self.hold_pose(sweep, events) } else { self.follow(sweep, events) }
-        } else {
-            self.detector.inspect(sweep, |_| None, events);
-            self.watch_encoders(sweep, events);
-            self.seek(sweep);
-            self.catch_up(events);
-        }
+        Self::update(self, sweep, events);
     }
 
     fn end(&mut self, events: &mut Vec<Event>) {
-        while !self.waiting.is_empty() {
-            self.catch_up(events);
-        }
+        Self::end(self, events);
     }
 
     fn raster(&self) -> Raster {
-        self.grid.raster()
+        self.stages.grid.raster()
     }
 
     fn map_since(&self, revision: u64) -> Option<(MapChange, u64)> {
-        let change = MapChange::Patches(self.grid.cell_m(), self.grid.patches_since(revision));
-        Some((change, self.grid.revision()))
+        let grid = &self.stages.grid;
+        Some((MapChange::Patches(grid.cell_m(), grid.patches_since(revision)), grid.revision()))
     }
 
     fn states(&self) -> &[SensorState] {
-        self.detector.states()
+        self.stages.detector.states()
     }
 
     fn verdict(&self, sensor: usize) -> Verdict {
         match self.associations().get(sensor) {
-            _ if !self.detector.is_trusted(sensor) => Verdict::Ignored,
+            _ if !self.stages.detector.is_trusted(sensor) => Verdict::Ignored,
             Some(Association::Wall(_)) => Verdict::Used,
             Some(Association::Unexplained) => Verdict::Unexplained,
             Some(Association::Unused) | None => Verdict::Silent,
@@ -67,15 +43,15 @@ impl Estimator for WallSlam {
     }
 
     fn fault_evidence(&self, sensor: usize) -> (f64, f64) {
-        (self.detector.score(sensor), self.detector.residual_m(sensor))
+        (self.stages.detector.score(sensor), self.stages.detector.residual_m(sensor))
     }
 
     fn segments(&self) -> Vec<Segment> {
-        self.tracker.as_ref().map(|tracker| tracker.segments().collect()).unwrap_or_default()
+        self.ekf().map(|ekf| ekf.segments().collect()).unwrap_or_default()
     }
 
     fn reversed_encoders(&self) -> [bool; 2] {
-        self.encoders.is_reversed()
+        self.stages.encoders.is_reversed()
     }
 
     fn calibration(&self) -> Option<Calibration> {
@@ -83,27 +59,63 @@ impl Estimator for WallSlam {
     }
 
     fn saved_state(&self) -> Option<SavedState> {
-        let is_astray = self.blind.is_some() || self.lost.as_ref().is_some_and(|lost| lost.blind_m.is_some());
-        let tracker = self.tracker.as_ref().filter(|_| !is_astray)?;
-        let (walls, inactive) = tracker.landmark_states();
+        let ekf = self.ekf().filter(|_| !self.mode.has_unknown_position())?;
+        let (walls, inactive) = ekf.landmark_states();
         Some(SavedState {
-            filter: tracker.filter.saved_state(),
+            filter: ekf.filter.saved_state(),
             walls,
             inactive,
-            map: self.grid.saved_state(),
-            sensors: self.detector.saved_state(),
+            map: self.stages.grid.saved_state(),
+            sensors: self.stages.detector.saved_state(),
         })
     }
 
     fn nis(&self) -> f64 {
-        self.tracker.as_ref().map_or(f64::NAN, EkfSlam::nis)
+        self.ekf().map_or(f64::NAN, EkfSlam::nis)
     }
 }
 
 impl WallSlam {
+    /// The robot in the map; none before the building's axis is found.
+    #[must_use]
+    pub fn pose(&self) -> Option<Pose2> {
+        self.ekf().map(|ekf| ekf.filter.pose())
+    }
+
+    /// The association of each beam of the last sweep, by sensor.
+    #[must_use]
+    pub fn associations(&self) -> &[Association] {
+        self.ekf().map_or(&[], EkfSlam::associations)
+    }
+
     /// The wheels as learnt so far.
     #[must_use]
     pub(crate) fn wheels(&self) -> Calibration {
-        self.tracker.as_ref().map_or(self.wheels, |tracker| tracker.filter.calibration())
+        self.ekf().map_or(self.stages.wheels, |ekf| ekf.filter.calibration())
+    }
+
+    fn ekf(&self) -> Option<&EkfSlam> {
+        self.mode.robot().map(|robot| &robot.ekf)
+    }
+}
+
+impl Mode {
+    fn robot(&self) -> Option<&RobotState> {
+        match self {
+            Self::Initializing(initializing) => initializing.robot(),
+            Self::Tracking(tracking) => Some(&tracking.robot),
+            Self::Relocalizing(relocalizing) => Some(&relocalizing.robot),
+            Self::OdometryOutage(OdometryOutage::PoseHeld(held)) => Some(&held.robot),
+            Self::OdometryOutage(OdometryOutage::BeforeMap(_)) => None,
+        }
+    }
+
+    /// True if an outage of the odometry has left the robot anywhere around its pose: a next run could not resume there.
+    fn has_unknown_position(&self) -> bool {
+        match self {
+            Self::Initializing(_) | Self::Tracking(_) => false,
+            Self::Relocalizing(relocalizing) => relocalizing.relocalizer.is_after_outage(),
+            Self::OdometryOutage(_) => true,
+        }
     }
 }

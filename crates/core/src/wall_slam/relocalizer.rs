@@ -1,97 +1,108 @@
-//! A robot that may be elsewhere: what it hears is gathered along the wheels' path until it fits one place among the walls it knew.
+//! Finds a robot that may be elsewhere: its returns are collected along the wheels' path until they fit the known walls at one pose.
 //!
-//! The filter goes on meanwhile, for the doubt may be wrong; it is moved only where another place explains what is heard distinctly better.
+//! The filter goes on meanwhile, because the doubt may be a false alarm. It is moved only if another pose explains the returns
+//! distinctly better.
 
+use super::odometry_outage::unknown_within;
+use super::params::Params;
 use crate::geometry::Pose2;
 use crate::orientation::dominant_directions::{Axis, DominantDirections};
 use crate::position::relocalize::{self, KnownWall};
 use crate::sweep::{Beam, Sweep};
 use crate::time::Timestamp;
+use nalgebra::Matrix3;
 
-/// A robot in doubt.
+/// The returns since the pose came into doubt.
 #[derive(Debug)]
 pub(super) struct Relocalizer {
-    /// From when on its poses are uncertain.
+    /// Start of the uncertain poses.
     pub(super) since: Timestamp,
-    /// The first sweep of that time: walls learnt from it on may be wrong.
+    /// Its first sweep: walls learnt from it on may be wrong.
     pub(super) since_sweep: u64,
     map_from_odom: Pose2,
     returns: Vec<(Pose2, Beam)>,
     sweeps: u32,
-    /// How far it may have gone before without knowing, metres; only a robot that could not count its wheel has.
-    pub(super) blind_m: Option<f64>,
-    /// An encoder has led it astray: it is known to be elsewhere, and must be found.
-    must_be_found: bool,
+    cause: Cause,
 }
 
-/// A place is sought from so many sweeps on, and then every few.
-const FIRST_SWEEPS: u32 = 20;
-const EVERY_SWEEPS: u32 = 5;
-/// After so many it is given up.
-const MAX_SWEEPS: u32 = 300;
-/// Older returns than so many say little: the wheels have moved on.
-const MAX_RETURNS: usize = 1_000;
+/// Why the pose is in doubt.
+#[derive(Clone, Copy, Debug)]
+enum Cause {
+    /// The echoes contradicted the walls.
+    Contradiction,
+    /// An encoder was reversed.
+    Reversal,
+    /// An encoder was dead while the robot moved up to `travel_m`.
+    Outage { travel_m: f64 },
+}
 
 impl Relocalizer {
-    /// The doubt begins, with the robot believed at `pose`.
-    pub(super) fn new(since: Timestamp, since_sweep: u64, pose: Pose2, odometry: Pose2) -> Self {
+    /// Begins with the robot at `pose`, as far as is known.
+    pub(super) fn new(since: Timestamp, since_sweep: u64, pose: Pose2, odometry: Pose2, params: &Params) -> Self {
         let map_from_odom = pose * odometry.inverse();
-        Self {
-            since,
-            since_sweep,
-            map_from_odom,
-            returns: Vec::with_capacity(MAX_RETURNS),
-            sweeps: 0,
-            blind_m: None,
-            must_be_found: false,
+        let returns = Vec::with_capacity(params.relocalize_max_returns);
+        Self { since, since_sweep, map_from_odom, returns, sweeps: 0, cause: Cause::Contradiction }
+    }
+
+    /// After an outage of the odometry in which the robot moved up to `travel_m`.
+    pub(super) fn after_outage(self, travel_m: f64) -> Self {
+        Self { cause: Cause::Outage { travel_m }, ..self }
+    }
+
+    /// After the motion since an encoder's reversal was computed anew.
+    pub(super) fn after_reversal(self) -> Self {
+        Self { cause: Cause::Reversal, ..self }
+    }
+
+    /// True if agreement with the walls ends the doubt. After an encoder fault the pose must be found by a search.
+    pub(super) fn may_be_false_alarm(&self) -> bool {
+        matches!(self.cause, Cause::Contradiction)
+    }
+
+    /// True if the pose is only a guess around which the robot may have moved far.
+    pub(super) fn is_after_outage(&self) -> bool {
+        matches!(self.cause, Cause::Outage { .. })
+    }
+
+    /// The pose's covariance, if the filter's does not hold.
+    pub(super) fn covariance(&self, params: &Params) -> Option<Matrix3<f64>> {
+        match self.cause {
+            Cause::Outage { travel_m } => Some(unknown_within(travel_m, params)),
+            Cause::Contradiction | Cause::Reversal => None,
         }
     }
 
-    /// The robot has gone up to `way_m` without knowing: it is not where it is believed to be, and is sought for as long as it takes.
-    pub(super) fn after_blindness(self, way_m: f64) -> Self {
-        Self { blind_m: Some(way_m), must_be_found: true, ..self }
-    }
-
-    /// The robot has been put where it must be, which has to be seen first.
-    pub(super) fn after_reversal(self) -> Self {
-        Self { must_be_found: true, ..self }
-    }
-
-    /// Whether the doubt may be wrong: then it is over once what is heard agrees with the map.
-    pub(super) fn may_be_wrong(&self) -> bool {
-        !self.must_be_found
-    }
-
-    /// Keeps what the trusted beams heard, seen from the pose that the wheels alone tell.
-    pub(super) fn add(&mut self, sweep: &Sweep, is_trusted: impl Fn(usize) -> bool) {
+    /// Collects the returns of the trusted sensors, at the pose that the wheels alone give.
+    pub(super) fn add(&mut self, sweep: &Sweep, is_trusted: impl Fn(usize) -> bool, params: &Params) {
         self.sweeps += 1;
         let pose = self.map_from_odom * sweep.odometry;
-        let excess = (self.returns.len() + sweep.beams.len()).saturating_sub(MAX_RETURNS);
+        let excess = (self.returns.len() + sweep.beams.len()).saturating_sub(params.relocalize_max_returns);
         self.returns.drain(..excess.min(self.returns.len()));
-        let heard = sweep.beams.iter().enumerate().filter(|(sensor, beam)| is_trusted(*sensor) && beam.has_range());
-        self.returns.extend(heard.map(|(_, beam)| (pose, *beam)));
+        let returns = sweep.beams.iter().enumerate().filter(|(sensor, beam)| is_trusted(*sensor) && beam.has_range());
+        self.returns.extend(returns.map(|(_, beam)| (pose, *beam)));
     }
 
-    /// The pose, once it is known, at the sweep with this odometry.
+    /// The pose at the sweep with this odometry, once it is found.
     pub(super) fn find(
         &self,
         odometry: Pose2,
         finder: &mut DominantDirections,
         walls: impl Iterator<Item = KnownWall>,
+        params: &Params,
     ) -> Option<Pose2> {
-        if self.sweeps < FIRST_SWEEPS || !self.sweeps.is_multiple_of(EVERY_SWEEPS) {
+        if self.sweeps < params.relocalize_first_sweeps || !self.sweeps.is_multiple_of(params.relocalize_every_sweeps) {
             return None;
         }
         finder.clear();
         self.returns.iter().for_each(|(pose, beam)| finder.add(*pose, beam));
         let axis = finder.find().filter(Axis::is_believed);
         finder.clear();
-        let place = relocalize::find(&self.returns, walls, axis?.angle_rad)?;
-        Some(place.correction * self.map_from_odom * odometry)
+        let found = relocalize::find(&self.returns, walls, axis?.angle_rad)?;
+        Some(found.correction * self.map_from_odom * odometry)
     }
 
-    /// True where seeking on is of no use. After an encoder's fault it never is: the doubt has a reason.
-    pub(super) fn is_hopeless(&self) -> bool {
-        self.sweeps >= MAX_SWEEPS && !self.must_be_found
+    /// True if searching on is of no use. After an encoder fault it never is.
+    pub(super) fn is_hopeless(&self, params: &Params) -> bool {
+        self.sweeps >= params.relocalize_max_sweeps && self.may_be_false_alarm()
     }
 }

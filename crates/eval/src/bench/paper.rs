@@ -5,12 +5,12 @@ use super::fleet::drive_all;
 use super::machine;
 use super::raw::raw_map;
 use super::run::{Drive, Run, follow, simulate};
-use super::table::quantile;
 use crate::plot::{Curve, Plot, to_png};
 use slamd_core::config::Method;
 use slamd_core::event::Estimate;
 use slamd_core::geometry::{Point, Pose2, wrap_angle};
 use slamd_metrics::Pair;
+use slamd_metrics::quantile;
 use std::fmt::Write as _;
 use std::io;
 
@@ -51,7 +51,7 @@ pub fn page(seeds: &[u64], folder: &str, command: &str, done: impl Fn() + Sync) 
     let world = room.load_world().map_err(io::Error::other)?;
     let (records, faults) = simulate(&room, &world, FIGURE_SEED);
     let (drive, _) = follow(&room, &world, &records, faults);
-    let raw = drive.pipeline.ring().map(|ring| raw_map(&records, ring)).unwrap_or_default();
+    let raw = drive.pipeline().ring().map(|ring| raw_map(&records, ring)).unwrap_or_default();
     let mut pictures = figures(&drive, raw)?;
 
     let home = figure_case("home");
@@ -145,7 +145,7 @@ fn map_plot(title: &str, drive: &Drive) -> Plot {
         title: title.into(),
         x_label: "x [m]",
         y_label: "y [m]",
-        map: Some(drive.pipeline.raster()),
+        map: Some(drive.pipeline().raster()),
         curves: vec![
             Curve { name: "estimated path", rgb: ESTIMATED, is_dashed: false, points: estimated },
             Curve { name: "true path", rgb: TRUE, is_dashed: true, points: truth },
@@ -234,7 +234,7 @@ first pose only. \"Holds\": no drive is lost.
     text
 }
 
-/// Properties of the method itself, each kept by a test in `tests/paper.rs` or said where the code is.
+/// Properties of the method itself, each kept by a test in `crates/paper/tests/paper.rs` or said where the code is.
 const REASONS: &str = "
 Why, as far as the method itself tells:
 

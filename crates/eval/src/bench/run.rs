@@ -3,9 +3,9 @@
 use super::case::Case;
 use super::earliest::earliest_s;
 use rustix::time::{ClockId, clock_gettime};
-use slamd_capture::Record;
 use slamd_core::config::{Config, Method};
-use slamd_core::event::{Estimate, Event, Input, Output};
+use slamd_core::driver::{Driver, Record, Update};
+use slamd_core::event::{Estimate, Event};
 use slamd_core::geometry::Pose2;
 use slamd_core::pipeline::{Pipeline, Start};
 use slamd_core::time::Timestamp;
@@ -13,10 +13,12 @@ use slamd_metrics::{
     Accuracy, AccuracyMeter, Detection, FaultMeter, MapMeter, MapQuality, Pair, Pairing, TrueFault, building_frame,
     mean_nees,
 };
+use slamd_sim::fault::SensorFault;
 use slamd_sim::link::LinkFaults;
 use slamd_sim::simulation::{SimConfig, Simulation, session};
 use slamd_sim::sonar::MAX_RANGE_M;
 use slamd_sim::world::World;
+use std::time::Duration;
 
 /// What was measured of one drive.
 #[derive(Clone, Debug)]
@@ -68,8 +70,8 @@ impl Run {
 pub struct Drive {
     /// Estimates beside the truth.
     pub pairs: Vec<Pair<Estimate>>,
-    /// The pipeline at the end.
-    pub pipeline: Pipeline,
+    /// The pipeline's driver.
+    driver: Driver,
     /// Microseconds of computing for each sweep.
     pub sweeps_us: Vec<f64>,
     faults: FaultMeter,
@@ -103,10 +105,10 @@ pub fn run(case: &Case, world: &World, seed: u64) -> Run {
         path_m: drive.pairs.windows(2).map(|pair| step_m(pair[0].truth, pair[1].truth)).sum(),
         detection: drive.faults.detection().clone(),
         earliest_s: drive
-            .pipeline
+            .pipeline()
             .ring()
             .map_or_else(Vec::new, |ring| earliest_s(case, world, &records, ring, &faults)),
-        map: map.score(&drive.pipeline.raster(), true_frame),
+        map: map.score(&drive.pipeline().raster(), true_frame),
         nis: drive.nis.0 / drive.nis.1,
         nees: mean_nees(&drive.pairs, true_frame).unwrap_or(f64::NAN),
         sweeps_us: drive.sweeps_us,
@@ -128,12 +130,18 @@ pub fn simulate(case: &Case, world: &World, seed: u64) -> (Vec<Record>, Vec<True
         clock_drift_ppm: 300.0,
         link: LinkFaults::default(),
     });
-    let faults = simulation.faults().iter().map(|fault| {
-        let text = format!("{}:{}@{}", fault.sensor, fault.kind.word(), fault.from_s);
-        text.parse::<TrueFault>().expect("the words of both sides are the same")
-    });
-    let faults = faults.collect();
+    let faults = simulation.faults().iter().map(true_fault).collect();
     (session(simulation).collect(), faults)
+}
+
+fn true_fault(fault: &SensorFault) -> TrueFault {
+    let after = |seconds| Timestamp::default() + Duration::from_secs_f64(seconds);
+    TrueFault {
+        sensor: usize::from(fault.sensor),
+        kind: fault.kind,
+        from: after(fault.from_s),
+        until: fault.until_s.is_finite().then(|| after(fault.until_s)),
+    }
 }
 
 /// Runs the method over a drive; the map's meter has seen all that the robot could see.
@@ -141,8 +149,10 @@ pub fn simulate(case: &Case, world: &World, seed: u64) -> (Vec<Record>, Vec<True
 pub fn follow(case: &Case, world: &World, records: &[Record], faults: Vec<TrueFault>) -> (Drive, MapMeter) {
     let mut drive = Drive {
         pairs: Vec::new(),
-        pipeline: slamd_paper::pipeline(&Config { method: case.method, ..Config::default() }, Start::Fresh)
-            .expect("a fresh start has no saved state that could be refused"),
+        driver: Driver::new(
+            slamd_paper::pipeline(&Config { method: case.method, ..Config::default() }, Start::Fresh)
+                .expect("a fresh start has no saved state that could be refused"),
+        ),
         faults: FaultMeter::new(usize::from(case.sensors), faults),
         nis: (0.0, 0.0),
         sweeps_us: Vec::new(),
@@ -158,6 +168,12 @@ pub fn follow(case: &Case, world: &World, records: &[Record], faults: Vec<TrueFa
 }
 
 impl Drive {
+    /// The pipeline at the end.
+    #[must_use]
+    pub const fn pipeline(&self) -> &Pipeline {
+        self.driver.pipeline()
+    }
+
     /// Handles records until a sweep has been used; the records left.
     fn next_sweep<'a>(
         &mut self,
@@ -169,17 +185,12 @@ impl Drive {
         let begin_us = computed_us();
         while let (0, Some(record)) = (sweeps, records.get(used)) {
             used += 1;
-            match record {
-                Record::Received { at, bytes } => self.pipeline.handle(Input::Received { at: *at, bytes }),
-                Record::Sent { at, bytes } => self.pipeline.handle(Input::Sent { at: *at, bytes }),
-                Record::Truth { .. } => {}
-            }
-            while let Some(output) = self.pipeline.poll_output() {
-                if let Output::Event(event) = output {
+            self.driver.feed(record, |_, update| {
+                if let Update::Event(event) = update {
                     sweeps += u32::from(matches!(event, Event::Estimate(_)));
-                    events.push(event);
+                    events.push(event.clone());
                 }
-            }
+            });
         }
         if sweeps > 0 {
             self.sweeps_us.push(computed_us() - begin_us);
@@ -209,7 +220,7 @@ impl Drive {
             }
         }
         self.pairs.extend(std::iter::from_fn(|| pairing.next_pair()));
-        let nis = self.pipeline.nis();
+        let nis = self.pipeline().nis();
         if nis.is_finite() && !events.is_empty() {
             self.nis = (self.nis.0 + nis, self.nis.1 + 1.0);
         }

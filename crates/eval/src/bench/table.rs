@@ -3,7 +3,7 @@
 use super::case::Case;
 use super::run::Run;
 use slamd_core::event::FaultKind;
-use slamd_metrics::{Detection, KINDS};
+use slamd_metrics::{Detection, quantile};
 use std::fmt::Write as _;
 
 /// Head of the table of accuracy; one [`accuracy_row`] per case follows.
@@ -67,7 +67,7 @@ pub fn fault_rows(case: &Case, runs: &[Run]) -> String {
     let faults = sums.kinds.iter().map(|kind| kind.faults).sum();
     let alarms = cell(sums.false_alarms_per_hour(), 2);
     let mut text = row("all", sums.precision(), sums.recall(), &latencies_s, faults, alarms);
-    for (kind, sums) in KINDS.iter().zip(&sums.kinds) {
+    for (kind, sums) in FaultKind::ALL.iter().zip(&sums.kinds) {
         if sums.faults > 0 || sums.declared_s > 0.0 {
             let latencies_s = &sums.latencies_s;
             text += &row(kind.word(), sums.precision(), sums.recall(), latencies_s, sums.faults, String::new());
@@ -111,16 +111,6 @@ pub fn pooled(runs: &[Run]) -> Detection {
     sums
 }
 
-/// The value at a share of the finite values in order, the nearest of them; NaN where there is none.
-#[must_use]
-pub fn quantile(values: &[f64], share: f64) -> f64 {
-    let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
-    sorted.sort_by(f64::total_cmp);
-    let last = sorted.len().saturating_sub(1) as f64;
-    let index = (0..sorted.len()).find(|&index| index as f64 >= (share * last).round());
-    index.map_or(f64::NAN, |index| sorted[index])
-}
-
 fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
@@ -138,18 +128,4 @@ fn seconds(latencies_s: &[f64]) -> String {
         return "-".into();
     }
     format!("{:.1} / {:.1}", quantile(latencies_s, 0.5), quantile(latencies_s, 0.9))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn quantiles_are_values_that_occurred() {
-        let values = [4.0, f64::NAN, 1.0, 3.0, 2.0, 5.0];
-        assert!((quantile(&values, 0.5) - 3.0).abs() < 1e-12);
-        assert!((quantile(&values, 1.0) - 5.0).abs() < 1e-12);
-        assert!((quantile(&values, 0.0) - 1.0).abs() < 1e-12);
-        assert!(quantile(&[], 0.5).is_nan());
-    }
 }

@@ -2,7 +2,8 @@
 
 use super::case::Case;
 use super::run::Run;
-use super::table::{pooled, quantile};
+use super::table::pooled;
+use slamd_metrics::quantile;
 use slamd_sim::fault::FaultMix;
 use slamd_sim::sonar::BeamShape;
 use std::fmt::Write as _;

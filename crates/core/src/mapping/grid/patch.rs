@@ -1,12 +1,12 @@
-//! Grid → the pieces of it that have changed, for somebody who keeps a copy.
+//! Grid → the pieces of it that have changed, for a client that keeps a copy.
 
-use super::{CEILING, FLOOR, OccupancyGrid, SIDE, TILE};
+use super::{OccupancyGrid, SIDE, TILE};
 use crate::mapping::raster::Raster;
 
 /// A square of the grid's cells.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Patch {
-    /// Its place, in squares from the frame's origin along x.
+    /// Its index, in squares from the frame's origin along x.
     pub column: i32,
     /// The same along y.
     pub row: i32,
@@ -32,17 +32,21 @@ impl Patch {
     }
 }
 
-/// The probability of being occupied, from 0 to 100, by log-odds from the least on.
+/// The log-odds that [`percents`] covers, hundredths: beyond them the percentage stays 0 or 100.
+const MAX_LOG_ODDS: i16 = 1000;
+
+/// The probability of being occupied, from 0 to 100, by log-odds from −10 to 10 in hundredths.
 #[must_use]
 #[expect(clippy::cast_possible_truncation, reason = "percent")]
 pub fn percents() -> Vec<i8> {
     let percent = |hundredths| (100.0 / (1.0 + libm::exp(-0.01 * f64::from(hundredths)))).round() as i8;
-    (FLOOR..=CEILING).map(percent).collect()
+    (-MAX_LOG_ODDS..=MAX_LOG_ODDS).map(percent).collect()
 }
 
-fn percent_of(log_odds: i16, percent: &[i8]) -> i8 {
-    let place = usize::try_from(log_odds - FLOOR).ok().filter(|_| log_odds != 0);
-    place.and_then(|place| percent.get(place)).copied().unwrap_or(Raster::UNKNOWN)
+pub(super) fn percent_of(log_odds: i16, percent: &[i8]) -> i8 {
+    let index =
+        usize::try_from(log_odds.clamp(-MAX_LOG_ODDS, MAX_LOG_ODDS) + MAX_LOG_ODDS).ok().filter(|_| log_odds != 0);
+    index.and_then(|index| percent.get(index)).copied().unwrap_or(Raster::UNKNOWN)
 }
 
 impl OccupancyGrid {
@@ -55,7 +59,7 @@ impl OccupancyGrid {
     /// The squares that have changed in `revision` or later, in no order.
     #[must_use]
     pub fn patches_since(&self, revision: u64) -> Vec<Patch> {
-        let changed = self.places.iter().map(|(key, tile)| (key, &self.tiles[*tile]));
+        let changed = self.indices.iter().map(|(key, tile)| (key, &self.tiles[*tile]));
         let changed = changed.filter(|(_, tile)| tile.revision >= revision);
         changed.map(|(&(column, row), tile)| Patch { column, row, log_odds: tile.cells }).collect()
     }
@@ -77,8 +81,9 @@ mod tests {
         for patch in grid.patches_since(0) {
             for (y, row) in patch.rows(&percent).enumerate() {
                 for (x, value) in row.enumerate() {
-                    let place = |patch: i32, cell: usize| (f64::from(patch * SIDE) + cell as f64 + 0.5) * 0.05;
-                    let (column, row) = raster.cell(Point::new(place(patch.column, x), place(patch.row, y))).unwrap();
+                    let centre_m = |patch: i32, cell: usize| (f64::from(patch * SIDE) + cell as f64 + 0.5) * 0.05;
+                    let (column, row) =
+                        raster.cell(Point::new(centre_m(patch.column, x), centre_m(patch.row, y))).unwrap();
                     assert_eq!(value, raster.occupancy[row * raster.width + column]);
                     known += usize::from(value != Raster::UNKNOWN);
                 }

@@ -1,13 +1,13 @@
 //! The cells along a ray: a step is two additions, and a tile is looked up once for the cells of it that follow each other.
 
-use super::{Cell, FLOOR, OccupancyGrid, Tile, WallNormal, bit_in_tile, place_in_tile, tile_of};
+use super::{Cell, OccupancyGrid, Tile, WallNormal, bit_in_tile, index_in_tile, tile_of};
 use crate::geometry::Point;
 
 /// A ray's cells, one cell's length apart.
 #[derive(Clone, Debug)]
 pub struct Ray {
     /// Column and row in units of 2⁻³² cells.
-    place: [i64; 2],
+    position: [i64; 2],
     step: [i64; 2],
     left: u32,
 }
@@ -23,12 +23,12 @@ const LONGEST: f64 = 1e5;
 
 impl Ray {
     const fn cell(&self) -> Cell {
-        Cell { column: (self.place[0] >> 32) as i32, row: (self.place[1] >> 32) as i32 }
+        Cell { column: (self.position[0] >> 32) as i32, row: (self.position[1] >> 32) as i32 }
     }
 
     /// From 10⁸ cells off, 10⁵ steps of a cell overflow nothing, and no step is taken where none is left: the hottest sums are not checked.
     const fn advance(&mut self) {
-        self.place = [self.place[0].wrapping_add(self.step[0]), self.place[1].wrapping_add(self.step[1])];
+        self.position = [self.position[0].wrapping_add(self.step[0]), self.position[1].wrapping_add(self.step[1])];
         self.left = self.left.wrapping_sub(1);
     }
 }
@@ -56,7 +56,7 @@ impl OccupancyGrid {
         let units = |cells: f64| (cells.clamp(-FARTHEST, FARTHEST) * UNITS) as i64;
         let (cos, sin) = direction;
         Ray {
-            place: [units(cells(origin.x + start_m * cos)), units(cells(origin.y + start_m * sin))],
+            position: [units(cells(origin.x + start_m * cos)), units(cells(origin.y + start_m * sin))],
             step: [units(cos), units(sin)],
             left: (cells(reach_m - start_m) + ALMOST_ONE).clamp(0.0, LONGEST) as u32,
         }
@@ -66,24 +66,25 @@ impl OccupancyGrid {
     /// is known at all. That cell, and how many steps it is from the first; none where nothing stands on the ray.
     pub fn clear(&mut self, mut ray: Ray, hundredths: i16, opaque: i16) -> Option<(u32, Cell)> {
         let length = ray.left;
+        let floor = self.params.floor;
         while ray.left > 0 {
             let key = tile_of(ray.cell());
-            let Some(place) = self.tile_place(ray.cell()) else {
+            let Some(index) = self.tile_index_or_new(ray.cell()) else {
                 while ray.left > 0 && tile_of(ray.cell()) == key {
                     ray.advance();
                 }
                 continue;
             };
-            let Tile { cells, normal, .. } = &mut *self.tiles[place];
+            let Tile { cells, normal, .. } = &mut *self.tiles[index];
             while ray.left > 0 && tile_of(ray.cell()) == key {
-                let value = &mut cells[place_in_tile(ray.cell())];
+                let value = &mut cells[index_in_tile(ray.cell())];
                 if *value > 0 {
                     let (row, bit) = bit_in_tile(ray.cell());
                     if *value > opaque || normal[row].iter().any(|bits| bits & bit != 0) {
                         return Some((length - ray.left, ray.cell()));
                     }
                 }
-                *value = value.saturating_add(hundredths).max(FLOOR);
+                *value = value.saturating_add(hundredths).max(floor);
                 ray.advance();
             }
         }
@@ -112,9 +113,9 @@ impl Reader<'_> {
         let key = tile_of(cell);
         if self.key != Some(key) {
             self.key = Some(key);
-            self.tile = self.grid.places.get(&key).map(|&place| &*self.grid.tiles[place]);
+            self.tile = self.grid.indices.get(&key).map(|&index| &*self.grid.tiles[index]);
         }
-        self.tile.map_or(0, |tile| tile.cells[place_in_tile(cell)])
+        self.tile.map_or(0, |tile| tile.cells[index_in_tile(cell)])
     }
 
     /// The one axis that the wall in the cell read last, or one of its tile, faces along; none where that is not known.

@@ -1,7 +1,7 @@
 //! Grid → the rectangle of all that is known.
 
-use super::patch::percents;
-use super::{FLOOR, OccupancyGrid, TILE};
+use super::patch::{percent_of, percents};
+use super::{OccupancyGrid, TILE};
 use crate::geometry::Point;
 use crate::mapping::raster::Raster;
 
@@ -17,13 +17,13 @@ impl OccupancyGrid {
         let merge = Raster::coarseness(columns, rows);
         let (width, height) = (columns.div_ceil(merge), rows.div_ceil(merge));
         let mut occupancy = vec![Raster::UNKNOWN; width * height];
-        for (&(column, row), &tile) in &self.places {
+        for (&(column, row), &tile) in &self.indices {
             let (first_column, first_row) = ((column - left) as usize * TILE, (row - bottom) as usize * TILE);
             for (y, cells) in self.tiles[tile].cells.chunks_exact(TILE).enumerate() {
                 let line = &mut occupancy[(first_row + y) / merge * width..][..width];
                 for (x, &value) in cells.iter().enumerate().filter(|(_, value)| **value != 0) {
                     let kind = &mut line[(first_column + x) / merge];
-                    *kind = (*kind).max(percent[(value - FLOOR) as usize]);
+                    *kind = (*kind).max(percent_of(value, &percent));
                 }
             }
         }

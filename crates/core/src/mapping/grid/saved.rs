@@ -1,0 +1,46 @@
+//! The grid as plain numbers, for files.
+
+use super::{OccupancyGrid, Tile};
+use crate::saved_state::{InvalidState, MapState, TileState};
+
+impl OccupancyGrid {
+    /// The tiles as plain numbers, in the order of their columns and rows.
+    #[must_use]
+    pub fn saved_state(&self) -> MapState {
+        let mut indices: Vec<_> = self.indices.iter().collect();
+        indices.sort_unstable();
+        let tile = |(&(column, row), &index): (&(i32, i32), &usize)| {
+            let Tile { cells, normal, .. } = &*self.tiles[index];
+            TileState { column, row, log_odds: cells.to_vec(), normal: normal.to_vec() }
+        };
+        MapState { cell_m: self.cell_m, tiles: indices.into_iter().map(tile).collect() }
+    }
+
+    /// The grid that wrote the memory.
+    ///
+    /// # Errors
+    /// Where cells or tiles are none that a grid could have.
+    pub fn restore(memory: &MapState) -> Result<Self, InvalidState> {
+        if !(0.005..=1.0).contains(&memory.cell_m) || memory.tiles.len() > super::MAX_TILES {
+            return Err(InvalidState("the map's cells are of no usable size or number"));
+        }
+        let mut grid = Self::new(memory.cell_m);
+        for tile in &memory.tiles {
+            let (Ok(cells), Ok(normal)) = (tile.log_odds[..].try_into(), tile.normal[..].try_into()) else {
+                return Err(InvalidState("a tile of the map is not whole"));
+            };
+            if tile.log_odds.iter().any(|value| !(grid.params.floor..=grid.params.ceiling).contains(value)) {
+                return Err(InvalidState("a tile of the map holds what no tile can"));
+            }
+            grid.extent = grid.extended((tile.column, tile.row));
+            if grid.extent.is_none() {
+                return Err(InvalidState("a tile of the map lies too far from the others"));
+            }
+            if grid.indices.insert((tile.column, tile.row), grid.tiles.len()).is_some() {
+                return Err(InvalidState("a tile of the map is there twice"));
+            }
+            grid.tiles.push(Box::new(Tile { cells, normal, revision: 0 }));
+        }
+        Ok(grid)
+    }
+}

@@ -1,0 +1,108 @@
+//! What every mode uses: the fault tests, the heading check and the map.
+
+use super::expected_range;
+use super::params::Params;
+use crate::config::Config;
+use crate::event::{Calibration, Event};
+use crate::fault::detector::Detector;
+use crate::fault::encoder::{EncoderChange, EncoderWatch};
+use crate::geometry::{Placement, Ring};
+use crate::mapping::grid::OccupancyGrid;
+use crate::orientation::dominant_directions::DominantDirections;
+use crate::position::ekf_slam::EkfSlam;
+use crate::sweep::{Beam, Sweep};
+use crate::time::Timestamp;
+
+/// The parts that outlive a mode.
+#[derive(Debug)]
+pub(super) struct Stages {
+    pub(super) params: Params,
+    pub(super) max_range_m: f64,
+    /// The wheels as configured.
+    pub(super) wheels: Calibration,
+    pub(super) detector: Detector,
+    pub(super) encoders: EncoderWatch,
+    heading_check: HeadingCheck,
+    /// Scratch of the initializer and the relocalizer, which lay out all returns anew for each search.
+    pub(super) finder: DominantDirections,
+    pub(super) grid: OccupancyGrid,
+    /// True if the ring has enough sensors to tell clutter from another location.
+    pub(super) can_detect_loss: bool,
+    /// The last sweep whose echoes agreed with the walls.
+    pub(super) last_agreement: (u64, Timestamp),
+}
+
+/// The returns since the last check of the heading.
+#[derive(Debug, Default)]
+struct HeadingCheck {
+    directions: DominantDirections,
+    sweeps: usize,
+}
+
+impl Stages {
+    pub(super) fn new(config: &Config, ring: &Ring, params: Params) -> Self {
+        Self {
+            max_range_m: config.ring.max_range_m,
+            wheels: config.robot.wheels(),
+            detector: Detector::new(ring, config.ring.max_range_m),
+            encoders: EncoderWatch::new(ring, config.robot.wheel_base_m),
+            heading_check: HeadingCheck::default(),
+            finder: DominantDirections::default(),
+            grid: OccupancyGrid::new(config.map.cell_m),
+            can_detect_loss: ring.len() >= params.min_sensors_to_detect_loss,
+            last_agreement: (0, Timestamp::default()),
+            params,
+        }
+    }
+
+    /// Runs the sensors' fault tests. With a `pose`, a silent beam is compared with what the map says it must hear from there.
+    pub(super) fn judge_sensors(&mut self, sweep: &Sweep, pose: Option<Placement>, events: &mut Vec<Event>) {
+        let Self { params, max_range_m, detector, grid, .. } = self;
+        let expected = |beam: &Beam| {
+            let map_from_sensor = pose? * beam.robot_from_sensor;
+            expected_range::expected(grid, map_from_sensor, beam.half_angle_rad, *max_range_m, params)
+        };
+        detector.inspect(sweep, expected, events);
+    }
+
+    /// Runs the encoders' fault tests.
+    pub(super) fn judge_encoders(&mut self, sweep: &Sweep, events: &mut Vec<Event>) -> Option<EncoderChange> {
+        self.encoders.inspect(sweep, |sensor| self.detector.is_trusted(sensor), events)
+    }
+
+    /// Every few sweeps, while the heading is in doubt, the axis of the latest returns must be the building's.
+    pub(super) fn check_heading(&mut self, ekf: &mut EkfSlam, sweep: &Sweep) {
+        let Self { params, detector, heading_check: check, .. } = self;
+        let pose = Placement::from(ekf.filter.pose());
+        for (sensor, beam) in sweep.beams.iter().enumerate() {
+            if detector.is_trusted(sensor) {
+                check.directions.add(pose, beam);
+            }
+        }
+        check.sweeps += 1;
+        if check.sweeps < params.heading_check_sweeps {
+            return;
+        }
+        let max_variance = params.heading_doubt_rad * params.heading_doubt_rad;
+        let is_in_doubt = !ekf.monitor().is_sure() || ekf.filter.pose_covariance()[(2, 2)] > max_variance;
+        let axis = if is_in_doubt { check.directions.find() } else { None };
+        if let Some(axis) =
+            axis.filter(|axis| axis.is_believed() && axis.angle_rad.abs() < params.max_heading_correction_rad)
+        {
+            ekf.filter.update_heading(-axis.angle_rad, params.axis_sigma_rad * params.axis_sigma_rad);
+        }
+        check.directions.clear();
+        check.sweeps = 0;
+    }
+
+    /// Continues with another map. Returns seen in the old one are discarded.
+    pub(super) fn replace_map(&mut self, grid: OccupancyGrid) {
+        self.grid = grid;
+        self.heading_check.directions.clear();
+    }
+
+    /// Discards the map: the encoder was faulty when it began.
+    pub(super) fn discard_map(&mut self) {
+        self.replace_map(OccupancyGrid::new(self.grid.cell_m()));
+    }
+}

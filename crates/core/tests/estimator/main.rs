@@ -1,0 +1,13 @@
+//! The default method on simulated drives and committed captures, and the conversation with the board: no process, no port.
+
+mod allocation;
+mod config;
+mod faults;
+mod handshake;
+mod link_states;
+mod localize;
+mod lock;
+mod noisy_map;
+mod resume;
+mod sensor_faults;
+mod time_jumps;

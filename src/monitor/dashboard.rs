@@ -1,0 +1,127 @@
+//! What the screen shows: a session's state, the link, rates and the map; small enough to be copied ten times a second.
+
+use slamd_core::event::SensorState;
+use slamd_core::geometry::{Point, Pose2};
+use slamd_core::link::LinkState;
+use slamd_core::mapping::raster::Raster;
+use slamd_core::rates::Rates;
+use slamd_core::snapshot::Snapshot;
+use std::sync::Arc;
+
+/// What one screen shows.
+#[derive(Clone, Debug, Default)]
+pub struct Dashboard {
+    /// The session's state.
+    pub session: Snapshot,
+    /// The link's health, or what a replay does.
+    pub line: Line,
+    /// What is counted per second, lately.
+    pub rates: Rates,
+    /// The farthest that a sensor measures, metres.
+    pub max_range_m: f64,
+    /// The map, which is renewed less often than the rest.
+    pub plan: Arc<Plan>,
+}
+
+impl Dashboard {
+    /// The last sweep on the ring as it is mounted, by sensor; empty while no ring is known.
+    pub(super) fn beams(&self) -> impl Iterator<Item = Beam> {
+        let Snapshot { ring, ranges_m, states, .. } = &self.session;
+        ring.mountings.iter().enumerate().map(|(sensor, mounting)| {
+            let range_m = ranges_m.get(sensor).copied().unwrap_or(f64::NAN);
+            let state = match states.get(sensor) {
+                Some(SensorState::Faulty(_)) => BeamState::Faulty,
+                _ if range_m.is_nan() => BeamState::Silent,
+                _ => BeamState::Healthy,
+            };
+            Beam { robot_from_sensor: mounting.robot_from_sensor, range_m, state }
+        })
+    }
+}
+
+/// The state of the line in words.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Line {
+    /// One word.
+    pub word: &'static str,
+    /// Why, and what to do about it.
+    pub cause: String,
+    /// How good that is.
+    pub tone: Tone,
+}
+
+/// How good something is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Tone {
+    /// As it should be.
+    Good,
+    /// On its way there.
+    #[default]
+    Busy,
+    /// Somebody should look.
+    Bad,
+}
+
+impl Line {
+    /// The state of a live line.
+    #[must_use]
+    pub fn new(state: LinkState, cause: String) -> Self {
+        let tone = match state {
+            LinkState::Streaming => Tone::Good,
+            LinkState::Listening | LinkState::Handshake => Tone::Busy,
+            LinkState::Searching | LinkState::Stale | LinkState::Lost => Tone::Bad,
+        };
+        Self { word: state.word(), cause, tone }
+    }
+}
+
+/// One sensor in the last sweep.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Beam {
+    /// Where it sits; its x axis is the beam's.
+    pub(super) robot_from_sensor: Pose2,
+    /// Metres, or as in REP-117.
+    pub(super) range_m: f64,
+    /// What it is worth.
+    pub(super) state: BeamState,
+}
+
+/// What a sensor's beam is worth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum BeamState {
+    /// It is used.
+    Healthy,
+    /// It is ignored.
+    Faulty,
+    /// It measured nothing this time.
+    Silent,
+}
+
+/// A map and the part of it that is known.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Plan {
+    /// The cells.
+    pub raster: Raster,
+    /// Lower left and upper right corner of the known cells, metres; none while all are unknown.
+    pub known: Option<(Point, Point)>,
+}
+
+impl Plan {
+    /// Finds what is known.
+    #[must_use]
+    pub fn new(raster: Raster) -> Self {
+        let (mut left, mut right, mut bottom, mut top) = (usize::MAX, 0, usize::MAX, 0);
+        for (row, cells) in raster.occupancy.chunks_exact(raster.width.max(1)).enumerate() {
+            let is_known = |cell: &i8| *cell != Raster::UNKNOWN;
+            if let (Some(first), Some(last)) = (cells.iter().position(is_known), cells.iter().rposition(is_known)) {
+                (left, right) = (left.min(first), right.max(last + 1));
+                (bottom, top) = (bottom.min(row), row + 1);
+            }
+        }
+        let corner = |column: usize, row: usize| {
+            Point::new(raster.origin.x + raster.cell_m * column as f64, raster.origin.y + raster.cell_m * row as f64)
+        };
+        let known = (left < right).then(|| (corner(left, bottom), corner(right, top)));
+        Self { raster, known }
+    }
+}

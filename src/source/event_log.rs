@@ -1,0 +1,53 @@
+//! The log of a session: one line for each event that a person should know of.
+
+use slamd_core::event::{Event, LocalizationChange, LocalizationEvent};
+
+/// Writes the log lines of one session.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct EventLog {
+    has_pose: bool,
+}
+
+impl EventLog {
+    /// Writes the event's line, if it has one; `now_s` is session time.
+    pub(super) fn note(&mut self, event: &Event, now_s: f64) {
+        match event {
+            Event::Board { description, compatible: true, .. } => tracing::info!("board: {description}"),
+            Event::Board { description, .. } => tracing::error!("board: {description}"),
+            Event::Ring { sensors, .. } => tracing::info!("ring of {sensors} sensors"),
+            Event::BoardReset { .. } => tracing::warn!("the board has restarted; map and pose go on"),
+            Event::BoardTrouble { text, .. } => tracing::error!("board: {text}"),
+            Event::BoardLog { text, .. } => tracing::info!("board says: {text}"),
+            Event::Localization(event) => note_localization(event),
+            Event::Fault(fault) => tracing::warn!("{:.1} s: {}", fault.at.seconds(), fault.reason),
+            Event::Encoder(encoder) => tracing::warn!("{:.1} s: {}", encoder.at.seconds(), encoder.reason),
+            Event::Estimate(_) => {
+                if !std::mem::replace(&mut self.has_pose, true) {
+                    tracing::info!("poses and map begin after {now_s:.0} s");
+                }
+            }
+        }
+    }
+}
+
+fn note_localization(event: &LocalizationEvent) {
+    let since_s = event.since.seconds();
+    match &event.change {
+        LocalizationChange::Lost => {
+            tracing::warn!(
+                "position lost: what is heard contradicts the map; poses are uncertain since {since_s:.1} s"
+            );
+        }
+        LocalizationChange::Regained { moved_m, turned_rad } => tracing::info!(
+            "position found again, {moved_m:.2} m and {:.0} degrees off; poses since {since_s:.1} s were uncertain",
+            turned_rad.to_degrees()
+        ),
+        LocalizationChange::Abandoned => {
+            tracing::warn!(
+                "position not found: no other place explains what is heard; mapping goes on where the robot is believed"
+            );
+        }
+        LocalizationChange::KnownMap(search) if event.is_lost() => tracing::warn!("{}", search.reason),
+        LocalizationChange::KnownMap(search) => tracing::info!("{}", search.reason),
+    }
+}

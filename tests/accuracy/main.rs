@@ -1,0 +1,7 @@
+//! How accurate the maps are: committed captures, public recordings, calibration, and the tables of `slamd bench`.
+
+mod bench;
+mod calibration;
+mod evo;
+mod recordings;
+mod replay;

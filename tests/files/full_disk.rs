@@ -1,0 +1,60 @@
+//! The real program on a disk that is full for a while: it maps on, says so, and the recording lacks nothing.
+
+#![allow(clippy::unwrap_used, reason = "a test may")]
+
+use slamd_testkit::mock_port::daemon::Daemon;
+use slamd_testkit::mock_port::{Board, Device, Plugged};
+use std::path::Path;
+use std::process::Command;
+use std::time::Duration;
+
+const SLAMD: &str = env!("CARGO_BIN_EXE_slamd");
+const SOON: Duration = Duration::from_secs(20);
+
+/// A program that sees a small disk of its own at DISK, with most of it taken; when it has ended, what it left is copied to KEPT.
+const ON_A_SMALL_DISK: &str = "mount -t tmpfs -o size=800k small \"$DISK\" && head -c 700k /dev/zero >\"$DISK/ballast\" && \
+    \"$@\" && cp -r \"$DISK/.\" \"$KEPT\"";
+
+fn may_mount() -> bool {
+    Command::new("unshare").args(["-rm", "mount", "-t", "tmpfs", "small", "/mnt"]).status().is_ok_and(|s| s.success())
+}
+
+fn hashes(folder: &Path) -> Vec<String> {
+    let text = std::fs::read_to_string(folder.join("summary.json")).unwrap();
+    text.lines().filter(|line| line.contains("sha256")).map(str::to_owned).collect()
+}
+
+#[test]
+fn a_full_disk_holds_up_nothing_and_costs_nothing() {
+    if !may_mount() {
+        println!(
+            "skipped: this machine lets nobody mount a small disk; tests/files/recording.rs has the same with a disk in memory"
+        );
+        return;
+    }
+    let place = tempfile::tempdir().unwrap();
+    let [disk, kept, port] = ["disk", "kept", "port"].map(|name| place.path().join(name));
+    for folder in [&disk, &kept] {
+        std::fs::create_dir(folder).unwrap();
+    }
+    let _robot = Plugged::new(&port, Device::new(Board::robot(1), 1));
+    let mut command = Command::new("unshare");
+    command.env("DISK", &disk).env("KEPT", &kept).args(["-rm", "sh", "-ec", ON_A_SMALL_DISK, "sh", SLAMD, "--port"]);
+    command.arg(&port).args(["--duration", "25", "--record-free-mib", "0"]);
+    command.arg("--record").arg(disk.join("drive.mcap")).arg("--out").arg(disk.join("out"));
+    if cfg!(feature = "viewer") {
+        command.args(["--viewer", "off"]);
+    }
+    let mut daemon = Daemon::run(command);
+    daemon.expect("drive.mcap: No space left on device (os error 28); mapping goes on", SOON);
+    daemon.expect("trajectory.tum.part: No space left on device (os error 28); it waits in memory", SOON);
+    std::fs::remove_file(format!("/proc/{}/root{}", daemon.pid(), disk.join("ballast").display())).unwrap();
+    daemon.expect("recording goes on after", SOON);
+    assert!(daemon.has_said("nothing is missing"));
+    daemon.wait();
+    let again = place.path().join("again");
+    let replay =
+        Command::new(SLAMD).arg("replay").arg(kept.join("drive.mcap")).arg("--out").arg(&again).output().unwrap();
+    assert!(replay.status.success(), "{}", String::from_utf8_lossy(&replay.stderr));
+    assert_eq!(hashes(&kept.join("out")), hashes(&again), "the recording is what was mapped");
+}

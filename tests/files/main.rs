@@ -1,0 +1,7 @@
+//! Files that slamd writes and reads: recordings, session files, ROS 2 bags.
+
+mod full_disk;
+mod kill;
+mod recording;
+mod ros2;
+mod session_file;

@@ -1,0 +1,201 @@
+//! Exit codes and words of the command line.
+
+#![allow(clippy::unwrap_used, reason = "a test may")]
+
+use std::process::Command;
+
+/// Exit code and standard error.
+fn slamd(arguments: &[&str]) -> (i32, String) {
+    slamd_logging(arguments, None)
+}
+
+/// The same with a `RUST_LOG`.
+fn slamd_logging(arguments: &[&str], level: Option<&str>) -> (i32, String) {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("garbage.mcap"), "this is no capture").unwrap();
+    std::fs::write(folder.path().join("bad.toml"), "[robot]\nwheel_base_m = 99\n").unwrap();
+    std::fs::write(folder.path().join("good.toml"), "[robot]\nwheel_base_m = 0.3\n").unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_slamd"));
+    command.args(arguments).current_dir(folder.path()).env("XDG_CONFIG_HOME", folder.path()).env_remove("RUST_LOG");
+    if let Some(level) = level {
+        command.env("RUST_LOG", level);
+    }
+    let output = command.output().unwrap();
+    (output.status.code().unwrap(), String::from_utf8(output.stderr).unwrap())
+}
+
+/// The examples of the table of exit codes, as numbers and command lines.
+fn exit_codes() -> Vec<(i32, Vec<&'static str>)> {
+    let rows = include_str!("../../docs/cli.md").lines().filter_map(|line| line.strip_prefix("| "));
+    rows.filter_map(|row| {
+        let cells: Vec<&str> = row.trim_end_matches(" |").split(" | ").collect();
+        let line = cells.last()?.strip_prefix("`slamd ")?.strip_suffix('`')?;
+        Some((cells.first()?.parse().ok()?, line.split(' ').collect()))
+    })
+    .collect()
+}
+
+#[test]
+fn the_table_of_exit_codes_is_true() {
+    let codes = exit_codes();
+    assert_eq!(codes.iter().map(|(code, _)| *code).collect::<Vec<_>>(), [0, 64, 65, 66, 69, 73, 74, 78]);
+    for (code, line) in codes {
+        let (found, text) = slamd(&line);
+        assert_eq!(found, code, "slamd {}: {text}", line.join(" "));
+        assert_eq!(text.is_empty(), code == 0, "slamd {}: {text}", line.join(" "));
+    }
+}
+
+/// Each line of the log as an object with time, level and message.
+fn objects(text: &str) -> Vec<serde_json::Value> {
+    let object = |line: &str| serde_json::from_str(line).unwrap_or_else(|error| panic!("{line}: {error}"));
+    let lines: Vec<serde_json::Value> = text.lines().map(object).collect();
+    for line in &lines {
+        assert!(line["timestamp"].as_str().is_some_and(|time| time.starts_with("20") && time.ends_with('Z')), "{line}");
+        assert!(line["level"].is_string() && line["message"].is_string() && line["target"].is_string(), "{line}");
+    }
+    lines
+}
+
+#[test]
+fn each_line_of_a_json_log_is_an_object() {
+    let arguments = ["--log-format", "json", "--port", "nowhere", "--config", "good.toml", "--duration", "0.3"];
+    let (code, text) = slamd_logging(&arguments, Some("debug"));
+    assert_eq!(code, 0, "{text}");
+    let lines = objects(&text);
+    let said = |words: &str| lines.iter().any(|line| line["message"].as_str().unwrap().contains(words));
+    assert!(said("configuration: good.toml") && said("link: searching"), "{text}");
+    // The last words of a failure come whatever else is silenced.
+    for level in [None, Some("off"), Some("trace")] {
+        let (code, text) = slamd_logging(&["--port", "x", "--config", "bad.toml", "--log-format=json"], level);
+        let lines = objects(&text);
+        let last = lines.last().unwrap();
+        assert!(code == 78 && last["exit_code"] == 78 && last["level"] == "ERROR", "{text}");
+        assert!(last["message"].as_str().unwrap().starts_with("bad.toml:2: robot.wheel_base_m = 99"), "{text}");
+    }
+    let (_, text) = slamd_logging(&["--port", "x", "--duration", "0.1"], Some("off"));
+    assert_eq!(text, "", "RUST_LOG is not obeyed");
+    let (_, text) = slamd_logging(&["--port", "x", "--duration", "0.1"], None);
+    assert!(text.contains(" WARN link: searching"), "{text}");
+}
+
+#[test]
+fn a_missing_capture_is_no_input() {
+    let (code, text) = slamd(&["replay", "nowhere.mcap"]);
+    assert_eq!(code, 66, "{text}");
+    assert!(text.contains("nowhere.mcap"), "{text}");
+}
+
+#[test]
+fn garbage_is_bad_data() {
+    let (code, text) = slamd(&["replay", "garbage.mcap"]);
+    assert_eq!(code, 65, "{text}");
+}
+
+#[test]
+fn a_bad_configuration_names_line_key_and_range() {
+    let (code, text) = slamd(&["--port", "nowhere", "--config", "bad.toml"]);
+    assert_eq!(code, 78, "{text}");
+    assert!(text.contains("bad.toml:2: robot.wheel_base_m = 99") && text.contains("from 0.02 to 3"), "{text}");
+}
+
+#[test]
+fn an_unknown_world_lists_the_known_ones() {
+    let (code, text) = slamd(&["simulate", "--world", "moon", "--capture", "x.mcap"]);
+    assert_eq!(code, 64, "{text}");
+    assert!(text.contains("flat, office, furnished"), "{text}");
+}
+
+#[test]
+fn a_missing_port_says_what_to_do() {
+    let (code, text) = slamd(&["--port", "/dev/nowhere", "--exit-on-hangup"]);
+    assert_eq!(code, 69, "{text}");
+    assert!(text.contains("plug the board in"), "{text}");
+}
+
+#[test]
+fn a_missing_port_is_waited_for() {
+    let (code, text) = slamd(&["--port", "/dev/nowhere", "--duration", "0.3"]);
+    assert_eq!(code, 0, "{text}");
+    assert!(text.contains("link: searching (port missing: there is no /dev/nowhere; plug the board in"), "{text}");
+}
+
+#[test]
+fn a_session_is_begun_once_and_a_damaged_one_is_not_written_over() {
+    let folder = tempfile::tempdir().unwrap();
+    let session = folder.path().join("home.session");
+    let capture = concat!(env!("CARGO_MANIFEST_DIR"), "/replay/flat-emulated-mega.mcap");
+    let out = folder.path().join("out");
+    let again = || {
+        let (out, session) = (out.to_str().unwrap(), session.to_str().unwrap());
+        slamd(&["replay", capture, "--out", out, "--session", session])
+    };
+    let (code, text) = again();
+    assert!(code == 0 && text.contains("there is no session yet") && session.exists(), "{code}: {text}");
+    let (code, text) = again();
+    assert!(code == 0 && !text.contains("there is no session yet"), "{code}: {text}");
+    std::fs::write(&session, "this is no session").unwrap();
+    let (code, text) = again();
+    assert_eq!(code, 65, "{text}");
+    assert_eq!(std::fs::read_to_string(&session).unwrap(), "this is no session");
+    assert_eq!(slamd(&["replay", capture, "--session", "x", "--resume", "x"]).0, 64);
+}
+
+#[test]
+fn ports_are_listed_for_programs() {
+    let output = Command::new(env!("CARGO_BIN_EXE_slamd")).args(["ports", "--json"]).output().unwrap();
+    let ports: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    for port in ports.as_array().unwrap() {
+        assert!(port["path"].as_str().unwrap().starts_with("/dev/"), "{port}");
+        assert!(port["holders"].is_array() && port["name"].is_string(), "{port}");
+    }
+    assert_eq!(slamd(&["ports"]).0, 0);
+}
+
+#[test]
+fn a_monitor_without_a_terminal_says_what_to_use_instead() {
+    let (code, text) = slamd(&["monitor", "--capture", "nowhere.mcap"]);
+    assert_eq!(code, 64, "{text}");
+    assert!(text.contains("no terminal") && text.contains("slamd --port") && text.contains("slamd inspect"), "{text}");
+    assert_eq!(slamd(&["monitor"]).0, 64);
+    assert_eq!(slamd(&["monitor", "--port", "auto", "--capture", "x.mcap"]).0, 64);
+}
+
+#[test]
+fn usage_errors_are_usage_errors() {
+    assert_eq!(slamd(&["fly"]).0, 64);
+    assert_eq!(slamd(&["--help"]).0, 0);
+}
+
+#[test]
+fn a_folder_is_replayed_and_a_bad_capture_stops_no_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let captures = folder.path().join("captures");
+    std::fs::create_dir(&captures).unwrap();
+    let good = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("replay/flat-emulated-mega.mcap");
+    std::fs::copy(good, captures.join("good.mcap")).unwrap();
+    std::fs::write(captures.join("bad.mcap"), "this is no capture").unwrap();
+    let replay = |options: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_slamd"));
+        command.arg("replay").arg(&captures).arg("--out").arg(folder.path().join("out")).args(options);
+        let output = command.output().unwrap();
+        (
+            output.status.code().unwrap(),
+            String::from_utf8(output.stdout).unwrap(),
+            String::from_utf8(output.stderr).unwrap(),
+        )
+    };
+    let (code, table, log) = replay(&["--jobs", "2"]);
+    assert_eq!(code, 65, "{log}");
+    assert!(log.contains("1 of 2 captures could not be replayed") && log.contains("not an MCAP file"), "{log}");
+    assert!(table.contains("| bad | failed |") && table.contains("| good | 60 | 599 | 0 | 0 |"), "{table}");
+    assert!(folder.path().join("out/good/map.png").exists());
+    let (code, _, log) = replay(&["--save-session", "x"]);
+    assert_eq!(code, 64, "{log}");
+    assert!(log.contains("for one capture"), "{log}");
+    std::fs::remove_file(captures.join("bad.mcap")).unwrap();
+    let (code, json, log) = replay(&["--json"]);
+    assert_eq!(code, 0, "{log}");
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert!(json[0]["summary"]["map_m2"].as_f64().unwrap() > 20.0, "{json}");
+}

@@ -1,0 +1,13 @@
+//! The program as its user meets it: command line, monitor, doctor, service, package, manual.
+
+mod book;
+mod cli;
+mod config_command;
+mod doctor;
+mod manual;
+mod monitor;
+mod monitor_terminal;
+mod package;
+mod service;
+mod systemd;
+mod udev;

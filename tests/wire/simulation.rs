@@ -1,0 +1,15 @@
+//! Dozens of seeds of the whole daemon in a simulated world; `cargo bench --bench simulation` runs thousands.
+
+use slamd_testkit::simulating;
+
+/// The first seeds; every kind of trouble is among them.
+const SEEDS: u64 = 24;
+
+#[test]
+fn nothing_that_goes_wrong_breaks_a_promise() {
+    let met = simulating::simulate_all(0..SEEDS, || ());
+    println!("{met}");
+    let kinds =
+        [met.hang_ups, met.resets, met.silences, met.stalls, met.sleeps, met.deaths, met.slips, met.disk_errors];
+    assert!(kinds.iter().all(|count| *count > 0) && met.rejected > 0 && met.sweeps > 100 * SEEDS, "{met}");
+}
