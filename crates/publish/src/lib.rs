@@ -10,8 +10,7 @@ mod summary;
 mod track;
 mod trajectory;
 
-pub use map_file::{grey, grey_png, write_map};
-pub use picture::{Curve, Plot};
+pub use map_file::{FREE_PERCENT, OCCUPIED_PERCENT, grey, grey_png, write_map};
 pub use pose_table::PoseTable;
 pub use sketch::{Sketch, Surroundings};
 pub use slamd_files::WriteError;
@@ -39,7 +38,7 @@ pub struct FinalState<'a> {
     pub config: &'a Config,
     /// The map.
     pub raster: &'a Raster,
-    /// The sensors' places.
+    /// Where the sensors sit.
     pub ring: &'a Ring,
     /// The sensors' states, by id.
     pub states: &'a [SensorState],
@@ -123,8 +122,8 @@ impl Outputs {
             }
             Event::Encoder(encoder) => {
                 self.fault_log.append_encoder(encoder);
-                let place = usize::from(encoder.wheel == Wheel::Right);
-                self.encoders[place] = (encoder.state != EncoderState::Healthy).then(|| EncoderFault::new(encoder));
+                let wheel = usize::from(encoder.wheel == Wheel::Right);
+                self.encoders[wheel] = (encoder.state != EncoderState::Healthy).then(|| EncoderFault::new(encoder));
             }
             Event::Board { .. }
             | Event::Ring { .. }

@@ -9,9 +9,9 @@ use slamd_files::write_file;
 use std::path::Path;
 
 /// Occupied from here on, percent.
-pub(super) const OCCUPIED_PERCENT: i8 = 65;
+pub const OCCUPIED_PERCENT: i8 = 65;
 /// Free up to here, percent.
-pub(super) const FREE_PERCENT: i8 = 19;
+pub const FREE_PERCENT: i8 = 19;
 
 /// Writes `NAME.pgm` and `NAME.yaml` and returns the SHA-256 of the picture.
 ///

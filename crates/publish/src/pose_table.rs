@@ -39,7 +39,7 @@ impl PoseTable {
 
 fn line(estimate: &Estimate) -> String {
     let Estimate { at, pose, covariance, .. } = estimate;
-    let [x_m2, y_m2, theta_rad2] = [0, 1, 2].map(|place| covariance[(place, place)]);
+    let [x_m2, y_m2, theta_rad2] = [0, 1, 2].map(|axis| covariance[(axis, axis)]);
     format!(
         "{:.6},{:.6},{:.6},{:.6},{x_m2:.3e},{y_m2:.3e},{theta_rad2:.3e}\n",
         at.seconds(),

@@ -1,4 +1,4 @@
-//! The earliest that a saturated sensor can be told from a healthy one: when a healthy one in its place would have heard something.
+//! The earliest time at which a saturated sensor differs from a healthy one: when a healthy one at its mounting would have received an echo.
 
 use super::case::Case;
 use slamd_capture::Record;
