@@ -10,10 +10,7 @@ use flate2::read::GzDecoder;
 use slamd::source::replay::replay;
 use slamd::source::session::Session;
 use slamd_capture::CaptureReader;
-use slamd_core::config::{Config, Method};
-use slamd_core::driver::{Driver, Update};
-use slamd_core::event::Event;
-use slamd_core::geometry::{Pose2, wrap_angle};
+use slamd_core::{Config, Driver, Event, Method, Pose2, Update, wrap_angle};
 use slamd_eval::import::{carmen, ring};
 use slamd_metrics::{Relation, RelationError, relation_error};
 use std::fmt::Write as _;
@@ -52,7 +49,7 @@ struct Run {
 
 impl Run {
     fn of(capture: &Path, config: &Config, method: Method) -> Result<Self, Failure> {
-        let pipeline = slamd_paper::pipeline(&Config { method, ..config.clone() }, slamd_core::pipeline::Start::Fresh)
+        let pipeline = slamd_paper::pipeline(&Config { method, ..config.clone() }, slamd_core::Start::Fresh)
             .expect("a fresh start has no saved state that could be refused");
         let (mut driver, mut run) = (Driver::new(pipeline), Self::default());
         for record in CaptureReader::open(capture)? {
@@ -211,7 +208,7 @@ fn corridor(data: &Path, docs: &Path, page: &mut String) -> Result<(), Failure> 
     });
     let farthest_m = apart_m.fold(0.0, f64::max);
     let mut session = Session::new(
-        slamd_paper::pipeline(&config, slamd_core::pipeline::Start::Fresh)
+        slamd_paper::pipeline(&config, slamd_core::Start::Fresh)
             .expect("a fresh start holds nothing that could be refused"),
         &folder.path().join("out"),
     )?;

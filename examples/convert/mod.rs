@@ -1,7 +1,6 @@
 //! Converts the formats of public recordings to the ring CSV.
 
-use slamd_core::config::Config;
-use slamd_core::geometry::Pose2;
+use slamd_core::{Config, Pose2};
 use slamd_eval::import::WheelTicks;
 use std::error::Error;
 use std::io::Write;

@@ -12,9 +12,7 @@
 
 use crate::merge::{Merged, Placement};
 use crate::wire::{Grid, WireError};
-use slamd_core::geometry::{Point, Pose2, wrap_angle};
-use slamd_core::localize::search::Searcher;
-use slamd_core::mapping::raster::Raster;
+use slamd_core::{Point, Pose2, Raster, wrap_angle, stages::Searcher};
 use slamd_paper::hough::HoughLines;
 use std::f64::consts::TAU;
 

@@ -2,7 +2,7 @@
 
 use crate::name::Name;
 use serde::Deserialize;
-use slamd_core::geometry::Pose2;
+use slamd_core::Pose2;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 

@@ -9,10 +9,7 @@
 use crate::name::Name;
 use crate::wire::{Grid, SIDE, TILE, Tile, VERSION, WireError};
 use serde::Serialize;
-use slamd_core::geometry::Pose2;
-use slamd_core::mapping::grid::OccupancyGrid;
-use slamd_core::mapping::raster::Raster;
-use slamd_core::saved_state::{MapState, TileState};
+use slamd_core::{Pose2, Raster, saved_state::{MapState, TileState}, stages::OccupancyGrid};
 use std::collections::BTreeMap;
 
 /// The newest map of each robot.

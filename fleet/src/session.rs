@@ -71,7 +71,7 @@ impl From<SessionId> for String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slamd_core::time::Timestamp;
+    use slamd_core::Timestamp;
 
     #[test]
     fn later_captures_are_greater_and_names_read_back() {

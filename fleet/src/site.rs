@@ -8,7 +8,7 @@ use crate::fleet_file::FleetFile;
 use crate::merge::{Merged, Newest, Placement};
 use crate::name::Name;
 use crate::wire::Grid;
-use slamd_core::geometry::{Pose2, nearest_quarter};
+use slamd_core::{Pose2, nearest_quarter};
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_2;
 use std::fmt;

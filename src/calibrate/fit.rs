@@ -3,10 +3,11 @@
 use super::Estimated;
 use super::drive::Drive;
 use nalgebra::{Matrix3, Vector3};
-use slamd_core::event::SensorState;
-use slamd_core::position::beam_model::observe_wall;
-use slamd_core::position::params::BeamParams;
-use slamd_core::saved_state::LandmarkState;
+use slamd_core::{
+    SensorState,
+    saved_state::LandmarkState,
+    stages::{BeamParams, observe_wall},
+};
 
 /// What is sought: range bias, bearing offset, error of the half angle.
 const UNKNOWNS: usize = 3;

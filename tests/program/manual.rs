@@ -6,7 +6,10 @@
 #![cfg(feature = "manual")]
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use slamd_core::config::{Config, Shape, schema, values};
+use slamd_core::{
+    Config,
+    config::{Shape, schema, values},
+};
 use slamd_testkit::python;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};

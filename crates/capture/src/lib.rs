@@ -12,7 +12,7 @@ mod reader;
 mod writer;
 
 pub use reader::CaptureReader;
-pub use slamd_core::driver::Record;
+pub use slamd_core::Record;
 pub use writer::CaptureWriter;
 
 use std::collections::BTreeMap;

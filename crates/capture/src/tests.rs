@@ -1,6 +1,5 @@
 use super::*;
-use slamd_core::geometry::Pose2;
-use slamd_core::time::Timestamp;
+use slamd_core::{Pose2, Timestamp};
 use std::fs;
 use std::path::Path;
 

@@ -4,8 +4,7 @@ use super::{CaptureError, CaptureInfo, FLUSH_PERIOD, RECEIVED_TOPIC, Record, SEN
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 use mcap::{McapError, WriteOptions, Writer};
-use slamd_core::geometry::Pose2;
-use slamd_core::time::Timestamp;
+use slamd_core::{Pose2, Timestamp};
 use slamd_files::private;
 use std::collections::BTreeMap;
 use std::fs::File;

@@ -8,12 +8,7 @@ use super::diagnostics::Diagnostics;
 use super::file::{BagError, BagFile, Topic};
 use super::message::{self, BASE, MAP, ODOM, Stamp, Transform, sonar};
 use super::odometry::Wheels;
-use slamd_core::config::Config;
-use slamd_core::event::{Estimate, Event};
-use slamd_core::geometry::{Mounting, Pose2, Ring};
-use slamd_core::pipeline::Pipeline;
-use slamd_core::sweep::{Beam, Sweep};
-use slamd_core::time::Timestamp;
+use slamd_core::{Beam, Config, Estimate, Event, Mounting, Pipeline, Pose2, Ring, Sweep, Timestamp};
 use std::path::Path;
 use std::time::Duration;
 

@@ -2,8 +2,7 @@
 //! encoders, one for the localization.
 
 use super::message::{Stamp, sonar, with_header};
-use slamd_core::event::{EncoderState, Event, LocalizationChange, SensorState, Wheel};
-use slamd_core::time::Timestamp;
+use slamd_core::{EncoderState, Event, LocalizationChange, SensorState, Timestamp, Wheel};
 use std::time::Duration;
 
 /// As in `DiagnosticStatus`.

@@ -5,8 +5,7 @@
 
 use super::cdr::Cdr;
 use nalgebra::Matrix3;
-use slamd_core::geometry::{Mounting, Pose2};
-use slamd_core::mapping::raster::Raster;
+use slamd_core::{Mounting, Pose2, Raster};
 
 /// The frames of REP-105.
 pub(super) const MAP: &str = "map";

@@ -2,10 +2,7 @@
 //! measurements.
 
 use super::message::Odometry;
-use slamd_core::event::Calibration;
-use slamd_core::geometry::Pose2;
-use slamd_core::position::filter::Filter;
-use slamd_core::sweep::Sweep;
+use slamd_core::{Calibration, Pose2, Sweep, stages::Filter};
 
 /// Dead reckoning with covariance.
 pub(super) struct Wheels {

@@ -6,8 +6,7 @@
 
 use super::pairing::Pairing;
 use serde::Serialize;
-use slamd_core::geometry::{Pose2, wrap_angle};
-use slamd_core::time::Timestamp;
+use slamd_core::{Pose2, Timestamp, wrap_angle};
 
 /// The errors over a whole run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

@@ -6,8 +6,7 @@
 
 use super::pairing::Pair;
 use nalgebra::Vector3;
-use slamd_core::event::Estimate;
-use slamd_core::geometry::{Pose2, wrap_angle};
+use slamd_core::{Estimate, Pose2, wrap_angle};
 use std::f64::consts::FRAC_PI_2;
 
 /// The map frame by its definition, `world_from_map`: the origin is the robot's start, and the axes
@@ -40,7 +39,7 @@ pub fn mean_nees(pairs: &[Pair<Estimate>], world_from_map: Pose2) -> Option<f64>
 mod tests {
     use super::*;
     use nalgebra::Matrix3;
-    use slamd_core::time::Timestamp;
+    use slamd_core::Timestamp;
 
     fn pair(error: [f64; 3], sigma: f64) -> Pair<Estimate> {
         let world_from_map = Pose2::new(2.0, 1.0, FRAC_PI_2);

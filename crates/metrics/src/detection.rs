@@ -11,8 +11,7 @@
 
 use super::TrueFault;
 use serde::Serialize;
-use slamd_core::event::{FaultKind, SensorState};
-use slamd_core::time::Timestamp;
+use slamd_core::{FaultKind, SensorState, Timestamp};
 use std::time::Duration;
 
 /// Sums of one kind.

@@ -1,7 +1,6 @@
 //! The schedule of true faults, with which the detector's results are compared.
 
-use slamd_core::event::FaultKind;
-use slamd_core::time::Timestamp;
+use slamd_core::{FaultKind, Timestamp};
 use std::str::FromStr;
 use std::time::Duration;
 

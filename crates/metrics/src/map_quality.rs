@@ -10,8 +10,7 @@
 //! correct in itself but turned against the start counts as wrong.
 
 use serde::Serialize;
-use slamd_core::geometry::{Point, Pose2};
-use slamd_core::mapping::raster::Raster;
+use slamd_core::{Point, Pose2, Raster};
 
 /// A straight wall from end to end, metres in the world frame.
 pub type Wall = [Point; 2];

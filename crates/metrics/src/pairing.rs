@@ -2,8 +2,7 @@
 //!
 //! The truth is interpolated to the estimate's time. Estimates before the first truth are left out.
 
-use slamd_core::geometry::{Pose2, wrap_angle};
-use slamd_core::time::Timestamp;
+use slamd_core::{Pose2, Timestamp, wrap_angle};
 use std::collections::VecDeque;
 
 /// An estimate and the true pose at its time.

@@ -7,7 +7,7 @@
 //! be aligned, and an error at one location does not count again at all later ones.
 
 use serde::Serialize;
-use slamd_core::geometry::Pose2;
+use slamd_core::Pose2;
 
 /// The robot's pose at `to_s`, in its frame at `from_s`.
 #[derive(Clone, Copy, Debug, PartialEq)]

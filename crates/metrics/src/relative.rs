@@ -5,7 +5,7 @@
 //! (Sturm et al., IROS 2012; as evo does without `--all_pairs`). No alignment is needed, because the
 //! frames cancel.
 
-use slamd_core::geometry::Pose2;
+use slamd_core::Pose2;
 
 /// The errors over a whole run.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -11,8 +11,7 @@
 //!
 //! Cells live in tiles of 64 cm that are made on touch, up to a bound; what was refused is counted.
 
-use slamd_core::geometry::{Point, Pose2};
-use slamd_core::mapping::raster::Raster;
+use slamd_core::{Point, Pose2, Raster};
 use std::collections::BTreeMap;
 
 /// Side of a cell, metres.
@@ -84,7 +83,7 @@ impl BinaryGrid {
     }
 
     /// The map drawn over all tiles: occupied 100, crossed by a beam 0, else unknown. Cells are 1 cm, doubled until there are no more
-    /// than [`slamd_core::mapping::raster::MAX_CELLS`]: a lost robot's map may be large. An empty grid gives an empty raster.
+    /// than [`slamd_core::stages::raster::MAX_CELLS`]: a lost robot's map may be large. An empty grid gives an empty raster.
     #[must_use]
     pub fn raster(&self) -> Raster {
         let Some(((left, right), (bottom, top))) = self.bounds() else {
@@ -204,7 +203,7 @@ fn cell(point: Point) -> Option<Index> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use slamd_core::mapping::raster::MAX_CELLS;
+    use slamd_core::stages::MAX_CELLS;
 
     fn at(raster: &Raster, x: f64, y: f64) -> i8 {
         let (column, row) = raster.cell(Point::new(x, y)).unwrap();

@@ -18,11 +18,10 @@
 //! ignored among furniture.
 
 use crate::params::Params;
-use slamd_core::event::{Event, FaultEvent, FaultKind, SensorState};
-use slamd_core::fault::pca::{INSTANTS, PcaBlock};
-use slamd_core::geometry::Pose2;
-use slamd_core::sweep::{Beam, Sweep};
-use slamd_core::time::Timestamp;
+use slamd_core::{
+    Beam, Event, FaultEvent, FaultKind, Pose2, SensorState, Sweep, Timestamp,
+    stages::{INSTANTS, PcaBlock},
+};
 
 /// The recent readings of one sensor.
 #[derive(Clone, Debug, Default)]

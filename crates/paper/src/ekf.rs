@@ -21,7 +21,7 @@
 
 use crate::params::Params;
 use nalgebra::{Matrix2, RowVector2, Vector2};
-use slamd_core::geometry::Point;
+use slamd_core::Point;
 
 /// The filter.
 #[derive(Clone, Debug, PartialEq)]

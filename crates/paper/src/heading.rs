@@ -11,7 +11,7 @@
 
 use super::hough::{HoughLines, Line, turn_between};
 use crate::params::Params;
-use slamd_core::geometry::{Point, wrap_angle};
+use slamd_core::{Point, wrap_angle};
 use std::f64::consts::PI;
 
 /// Variance of a heading that may be anything, square radians.
@@ -97,7 +97,7 @@ fn least_turn(seen: &Line, map: &[Line]) -> Option<f64> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use slamd_core::geometry::Pose2;
+    use slamd_core::Pose2;
 
     fn corner(step_m: f64, count: i32) -> Vec<Point> {
         let along = (0..count).map(|i| -1.5 + step_m * f64::from(i));

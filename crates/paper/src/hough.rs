@@ -10,7 +10,7 @@
 
 use crate::params::Params;
 use nalgebra::Vector2;
-use slamd_core::geometry::Point;
+use slamd_core::Point;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// One line.
@@ -202,7 +202,7 @@ pub fn turn_between(from_rad: f64, to_rad: f64) -> f64 {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use slamd_core::geometry::Pose2;
+    use slamd_core::Pose2;
 
     /// A 4 by 2.4 m rectangle about (0.3, 0.2), points every 5 cm; `noise(i)` is across the wall, metres.
     fn rectangle(noise: impl Fn(usize) -> f64) -> Vec<Point> {

@@ -20,15 +20,10 @@ use crate::heading::Heading;
 use crate::params::Params;
 use nalgebra::Matrix3;
 use nalgebra::Vector2;
-use slamd_core::config::Config;
-use slamd_core::config::Method;
-use slamd_core::event::{Estimate, Event, SensorState, Verdict};
-use slamd_core::geometry::{Point, Pose2, Ring, Segment};
-use slamd_core::mapping::grid::MapChange;
-use slamd_core::mapping::raster::Raster;
-use slamd_core::pipeline::{self, Estimator, Pipeline, Start};
-use slamd_core::saved_state::InvalidState;
-use slamd_core::sweep::Sweep;
+use slamd_core::{
+    Config, Estimate, Estimator, Event, InvalidState, MapChange, Method, Pipeline, Point, Pose2, Raster, Ring, Segment,
+    SensorState, Start, Sweep, Verdict, built_in,
+};
 
 /// Both methods: this one where the configuration asks for it, else those of the core.
 ///
@@ -38,7 +33,7 @@ pub fn methods(config: &Config, ring: &Ring, start: &Start) -> Result<Box<dyn Es
     match (config.method, start) {
         (Method::Paper, Start::Fresh) => Ok(Box::new(Paper::new(config, ring))),
         (Method::Paper, _) => Err(InvalidState("the paper's method cannot begin with a known map")),
-        _ => pipeline::built_in(config, ring, start),
+        _ => built_in(config, ring, start),
     }
 }
 
@@ -80,7 +75,7 @@ impl Paper {
     /// The same with other constants.
     #[must_use]
     pub fn with_params(config: &Config, ring: &Ring, params: Params) -> Self {
-        let off_centre_m = |m: &slamd_core::geometry::Mounting| m.robot_from_sensor.position().coords.norm();
+        let off_centre_m = |m: &slamd_core::Mounting| m.robot_from_sensor.position().coords.norm();
         let reach_m = config.ring.max_range_m + ring.mountings.iter().map(off_centre_m).fold(0.0, f64::max);
         Self {
             params,

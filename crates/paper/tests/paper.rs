@@ -2,12 +2,10 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use slamd_core::config::Config;
-use slamd_core::event::{Estimate, Event, FaultEvent, FaultKind, SensorState};
-use slamd_core::geometry::{Point, Pose2, Ring, wrap_angle};
-use slamd_core::pipeline::Estimator;
-use slamd_core::sweep::{Beam, NoMeasurement, Sweep};
-use slamd_core::time::Timestamp;
+use slamd_core::{
+    Beam, Config, Estimate, Estimator, Event, FaultEvent, FaultKind, NoMeasurement, Point, Pose2, Ring, SensorState,
+    Sweep, Timestamp, wrap_angle,
+};
 use slamd_paper::Paper;
 use slamd_paper::detector::PaperDetector;
 use slamd_paper::params::Params;

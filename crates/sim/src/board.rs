@@ -3,8 +3,7 @@
 use super::fault::Reading;
 use super::random::Random;
 use super::robot::TICKS_PER_TURN;
-use slamd_core::geometry::Ring;
-use slamd_core::time::Timestamp;
+use slamd_core::{Ring, Timestamp};
 use slamd_protocol::{
     AckResult, Echo, Encoder, FrameBuf, FrameDecoder, FrameEncoder, Geometry, Hello, Message, Placement, SensorEcho,
     Setting, Sonar, Status, Text, VERSION_MAJOR, VERSION_MINOR,

@@ -2,7 +2,7 @@
 
 use super::floor_plan::{FloorPlan, Rectangle, box_faces};
 use super::world::World;
-use slamd_core::geometry::Point;
+use slamd_core::Point;
 
 impl World {
     /// The names of the built-in worlds.

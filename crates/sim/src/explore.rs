@@ -7,7 +7,7 @@ use super::random::Random;
 use super::robot::{BODY_RADIUS_M, Twist};
 use super::route::RouteGrid;
 use super::world::World;
-use slamd_core::geometry::{Point, Pose2, wrap_angle};
+use slamd_core::{Point, Pose2, wrap_angle};
 
 /// Seconds between two commands.
 pub const PERIOD_S: f64 = 0.05;

@@ -9,7 +9,7 @@
 
 use super::random::Random;
 use super::sonar::{MAX_RANGE_M, MIN_RANGE_M};
-use slamd_core::event::FaultKind;
+use slamd_core::FaultKind;
 use std::str::FromStr;
 
 /// One fault of one sensor.

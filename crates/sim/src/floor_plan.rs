@@ -1,7 +1,7 @@
 //! Floor plans: rooms, doors and blocks as axis-aligned rectangles. The space between rooms is wall.
 
 use super::world::Segment;
-use slamd_core::geometry::{Point, Pose2};
+use slamd_core::{Point, Pose2};
 
 /// An axis-aligned rectangle, metres: left, lower, right and upper edge.
 pub type Rectangle = [f64; 4];

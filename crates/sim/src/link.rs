@@ -2,7 +2,7 @@
 //! some of them.
 
 use super::random::Random;
-use slamd_core::time::Timestamp;
+use slamd_core::Timestamp;
 use std::collections::VecDeque;
 
 /// Transmission errors, as probabilities per byte.

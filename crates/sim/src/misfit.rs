@@ -2,7 +2,7 @@
 
 use super::random::Random;
 use super::sonar::{MAX_RANGE_M, MIN_RANGE_M};
-use slamd_core::geometry::Pose2;
+use slamd_core::Pose2;
 
 /// The difference between one sensor and its drawing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -2,7 +2,7 @@
 //! do not see slip.
 
 use super::random::Random;
-use slamd_core::geometry::Pose2;
+use slamd_core::Pose2;
 use std::f64::consts::TAU;
 
 /// Length of one step, seconds. Wheel speeds are constant within it.
@@ -128,7 +128,7 @@ impl Robot {
 mod tests {
     use super::*;
     use crate::random::Stream;
-    use slamd_core::config::Config;
+    use slamd_core::Config;
 
     fn driven(odometry_errors: f64, seed: u64, twist: Twist, seconds: u32) -> Robot {
         let mut robot = Robot::new(Pose2::default(), odometry_errors, Random::new(seed, Stream::Robot));
@@ -154,7 +154,7 @@ mod tests {
         let [left_m, right_m] = encoder_travel(&robot);
         let turn = (right_m - left_m) / NOMINAL_WHEEL_BASE_M;
         let truth = robot.pose(1.0).theta_rad;
-        assert!(slamd_core::geometry::wrap_angle(turn - truth).abs() < 0.002, "{turn} {truth}");
+        assert!(slamd_core::wrap_angle(turn - truth).abs() < 0.002, "{turn} {truth}");
         assert!((0.5 * (left_m + right_m) - 3.0).abs() < 0.06);
     }
 

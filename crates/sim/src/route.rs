@@ -1,7 +1,7 @@
 //! Routes through the true world: Dijkstra's algorithm on a coarse grid.
 
 use super::world::World;
-use slamd_core::geometry::Point;
+use slamd_core::Point;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 

@@ -8,7 +8,7 @@
 use super::random::Random;
 use super::world::{Segment, World, cast};
 use nalgebra::Vector2;
-use slamd_core::geometry::{Point, Pose2};
+use slamd_core::{Point, Pose2};
 
 /// Maximum range, metres. Beyond it there is no echo.
 pub const MAX_RANGE_M: f64 = 3.0;

@@ -1,7 +1,7 @@
 //! The true world: surfaces as line segments, and ray casting.
 
 use nalgebra::Vector2;
-use slamd_core::geometry::Point;
+use slamd_core::Point;
 
 /// A flat, vertical surface seen from above.
 #[derive(Clone, Copy, Debug, PartialEq)]

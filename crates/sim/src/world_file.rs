@@ -14,7 +14,7 @@
 use super::floor_plan::box_faces;
 use super::world::{Segment, World};
 use serde::Deserialize;
-use slamd_core::geometry::{Point, wrap_angle};
+use slamd_core::{Point, wrap_angle};
 use toml::Spanned;
 
 /// Maximum coordinate of a world, metres.

@@ -1,8 +1,7 @@
 //! The sink's own copy of the map. Viewers that join late or reconnect receive the full map.
 
 use super::mailbox::NewMap;
-use slamd_core::mapping::grid::{Patch, percents};
-use slamd_core::mapping::raster::Raster;
+use slamd_core::{Patch, Raster, stages::percents};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -82,7 +81,7 @@ impl Chart {
             }
         }
         let corner_m = |patch: i32| f64::from(patch * Patch::SIDE) * self.cell_m;
-        let origin = slamd_core::geometry::Point::new(corner_m(left), corner_m(bottom));
+        let origin = slamd_core::Point::new(corner_m(left), corner_m(bottom));
         Some(Raster { width, height, cell_m: self.cell_m, origin, occupancy })
     }
 }
@@ -121,8 +120,7 @@ fn cropped(raster: &Raster) -> Option<Picture> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slamd_core::geometry::Point;
-    use slamd_core::mapping::grid::OccupancyGrid;
+    use slamd_core::{Point, stages::OccupancyGrid};
 
     fn changes(grid: &OccupancyGrid, since: u64) -> NewMap {
         let patches = grid.patches_since(since).into_iter();

@@ -3,10 +3,7 @@
 use super::chart::Chart;
 use super::snapshot::Snapshot;
 use super::trail::Trail;
-use slamd_core::event::SensorState;
-use slamd_core::geometry::{Pose2, Ring, Segment, wrap_angle};
-use slamd_core::rates::{RateMeter, Rates};
-use slamd_core::time::Timestamp;
+use slamd_core::{Pose2, RateMeter, Rates, Ring, Segment, SensorState, Timestamp, wrap_angle};
 use slamd_metrics::AccuracyMeter;
 use std::sync::Arc;
 

@@ -32,7 +32,7 @@ pub use tap::Tap;
 
 use choice::{reached, url};
 use mailbox::{Inbox, Mailbox, mailbox};
-use slamd_core::driver::Watcher;
+use slamd_core::Watcher;
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::path::Path;
 use std::sync::mpsc::{Receiver, channel};

@@ -2,10 +2,7 @@
 //! the newest changes.
 
 use super::snapshot::Snapshot;
-use slamd_core::geometry::Pose2;
-use slamd_core::mapping::grid::Patch;
-use slamd_core::mapping::raster::Raster;
-use slamd_core::time::Timestamp;
+use slamd_core::{Patch, Pose2, Raster, Timestamp};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError, TrySendError, sync_channel};

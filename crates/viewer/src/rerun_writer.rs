@@ -7,8 +7,7 @@ use super::mailbox::{Inbox, LogLine, NewMap, SinkUpdate};
 use super::snapshot::Snapshot;
 use super::{shapes, style};
 use rerun::{RecordingStream, RecordingStreamResult, Scalars, StateChange, TextLog};
-use slamd_core::event::SensorState;
-use slamd_core::time::Timestamp;
+use slamd_core::{SensorState, Timestamp};
 use std::sync::Arc;
 
 /// Writes updates to a Rerun stream. Without a stream it only keeps their state.

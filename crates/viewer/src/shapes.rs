@@ -5,7 +5,7 @@ use super::snapshot::Beam;
 use super::style::{self, Rgba, colour};
 use nalgebra::Matrix3;
 use rerun::{Color, GridMap, LineStrips3D, Mesh3D, Points3D, Radius, Transform3D};
-use slamd_core::geometry::{Pose2, Segment};
+use slamd_core::{Pose2, Segment};
 use std::f32::consts::TAU;
 
 /// Heights above the map, metres. They order the layers in the view from above.
@@ -151,7 +151,7 @@ pub(super) fn wall_bands(segments: &[Segment]) -> LineStrips3D {
 
 /// Shifts points of a wall across it, metres.
 #[expect(clippy::cast_possible_truncation, reason = "for display")]
-fn at(segment: &Segment) -> impl Fn((slamd_core::geometry::Point, f64)) -> [f32; 3] {
+fn at(segment: &Segment) -> impl Fn((slamd_core::Point, f64)) -> [f32; 3] {
     let along = (segment.to - segment.from).try_normalize(1e-9).unwrap_or_default();
     move |(point, off_m)| [(point.x - off_m * along.y) as f32, (point.y + off_m * along.x) as f32, WALL_M]
 }

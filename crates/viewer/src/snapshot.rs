@@ -1,9 +1,6 @@
 //! A small copy of one sweep for display, made on the pipeline's thread.
 
-use slamd_core::event::{Counters, Estimate, SensorState, Verdict};
-use slamd_core::geometry::{Pose2, Ring, Segment};
-use slamd_core::pipeline::Pipeline;
-use slamd_core::time::Timestamp;
+use slamd_core::{Counters, Estimate, Pipeline, Pose2, Ring, Segment, SensorState, Timestamp, Verdict};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -57,7 +54,7 @@ impl Snapshot {
     pub(super) fn beams(pipeline: &Pipeline) -> Vec<Beam> {
         let beams = pipeline.sweep().map_or(&[][..], |sweep| &sweep.beams);
         let states = pipeline.states();
-        let beam = |(sensor, beam): (usize, &slamd_core::sweep::Beam)| {
+        let beam = |(sensor, beam): (usize, &slamd_core::Beam)| {
             let (score, residual_m) = pipeline.fault_evidence(sensor);
             let verdict = pipeline.verdict(sensor);
             Beam {

@@ -1,8 +1,7 @@
 //! Names, colours and sizes of everything shown, and the static data.
 
 use rerun::{RecordingStream, RecordingStreamResult};
-use slamd_core::event::{FaultKind, SensorState, Verdict};
-use slamd_core::geometry::Ring;
+use slamd_core::{FaultKind, Ring, SensorState, Verdict};
 
 /// Entity paths. They follow the tree of frames, named as in REP-105.
 pub(super) const MAP: &str = "map";
@@ -122,7 +121,7 @@ pub(super) fn log_ring(rec: &RecordingStream, ring: &Ring) -> RecordingStreamRes
     for path in [SCORES, RESIDUALS] {
         rec.log_static(path, &rerun::SeriesLines::new().with_names(names.clone()))?;
     }
-    let radius = |m: &slamd_core::geometry::Mounting| m.robot_from_sensor.position().coords.norm();
+    let radius = |m: &slamd_core::Mounting| m.robot_from_sensor.position().coords.norm();
     let radius_m = ring.mountings.iter().map(radius).fold(0.1, f64::max) as f32;
     rec.log_static(BODY, &super::shapes::robot(radius_m, ROBOT))
 }

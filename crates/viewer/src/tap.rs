@@ -2,12 +2,7 @@
 
 use super::mailbox::{Mailbox, NewMap, SinkUpdate};
 use super::snapshot::Snapshot;
-use slamd_core::driver::{Context, Update};
-use slamd_core::event::{Estimate, Event};
-use slamd_core::geometry::Ring;
-use slamd_core::mapping::grid::MapChange;
-use slamd_core::pipeline::Pipeline;
-use slamd_core::time::Timestamp;
+use slamd_core::{Context, Estimate, Event, MapChange, Pipeline, Ring, Timestamp, Update};
 use std::sync::Arc;
 use std::time::Duration;
 

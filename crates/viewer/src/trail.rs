@@ -1,7 +1,7 @@
 //! A path in pieces. Only the newest piece is sent repeatedly, so the cost per second does not grow
 //! with the path.
 
-use slamd_core::geometry::Point;
+use slamd_core::Point;
 use std::collections::VecDeque;
 
 /// A path.

@@ -12,7 +12,7 @@ use crate::player::{PlayError, Player, Report};
 use crate::session::SessionId;
 use crate::wire::{Grid, MAX_SESSIONS, Status, VERSION, to_json};
 use shelf::{Book, Extent, Shelf};
-use slamd_core::time::Timestamp;
+use slamd_core::Timestamp;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};

@@ -14,7 +14,7 @@ use crate::sweep::Sweep;
 
 /// Watches both encoders.
 #[derive(Clone, Debug)]
-pub struct EncoderWatch {
+pub(crate) struct EncoderWatch {
     params: Params,
     comparer: Comparer,
     base_m: f64,
@@ -46,7 +46,7 @@ struct Sum {
 
 /// A change of an encoder's state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct EncoderChange {
+pub(crate) struct EncoderChange {
     /// Its wheel.
     pub wheel: Wheel,
     /// Its state before.
@@ -60,13 +60,13 @@ pub struct EncoderChange {
 impl EncoderWatch {
     /// A watch over encoders that begin healthy.
     #[must_use]
-    pub fn new(ring: &Ring, base_m: f64) -> Self {
+    pub(crate) fn new(ring: &Ring, base_m: f64) -> Self {
         Self::with_params(ring, base_m, Params::default())
     }
 
     /// The same with other constants.
     #[must_use]
-    pub fn with_params(ring: &Ring, base_m: f64, params: Params) -> Self {
+    pub(crate) fn with_params(ring: &Ring, base_m: f64, params: Params) -> Self {
         let comparer = Comparer::new(ring, &params);
         let before = comparer.room();
         Self {
@@ -83,24 +83,24 @@ impl EncoderWatch {
 
     /// Encoders whose sign must be flipped, left and right.
     #[must_use]
-    pub fn is_reversed(&self) -> [bool; 2] {
+    pub(crate) fn is_reversed(&self) -> [bool; 2] {
         self.is_reversed
     }
 
     /// True while an encoder is suspected: the pose is then too doubtful for map updates.
     #[must_use]
-    pub fn is_suspected(&self) -> bool {
+    pub(crate) fn is_suspected(&self) -> bool {
         self.scores().as_flattened().iter().any(|ratio| *ratio > self.params.encoder_suspect)
     }
 
     /// The evidence that the left, the right encoder is dead, reversed; declared from 12 on.
     #[must_use]
-    pub fn scores(&self) -> [[f64; 2]; 2] {
+    pub(crate) fn scores(&self) -> [[f64; 2]; 2] {
         self.tests.map(|test| [test.dead.ratio, test.reversed.ratio])
     }
 
     /// Adds one sweep's evidence; returns a change of state.
-    pub fn inspect(
+    pub(crate) fn inspect(
         &mut self,
         sweep: &Sweep,
         is_trusted: impl Fn(usize) -> bool,

@@ -7,7 +7,7 @@ use crate::sweep::NoMeasurement;
 
 /// The evidence of one sweep on one sensor.
 #[derive(Clone, Copy, Debug)]
-pub struct Evidence {
+pub(crate) struct Evidence {
     /// The reading, as REP-117.
     pub range_m: f64,
     /// Why there is none.

@@ -8,8 +8,8 @@
 //! 4. From then on [`WallSlam`] tracks the robot among the known walls. Map and walls are not changed.
 
 mod known_map;
-pub mod params;
-pub mod search;
+pub(crate) mod params;
+pub(crate) mod search;
 
 use crate::config::Config;
 use crate::event::{
@@ -28,7 +28,7 @@ use search::{Found, Place, Searcher};
 
 /// Localizes the robot in a known map.
 #[derive(Debug)]
-pub struct Localizer {
+pub(crate) struct Localizer {
     config: Config,
     ring: Ring,
     memory: Box<SavedState>,
@@ -76,7 +76,7 @@ impl Localizer {
     ///
     /// # Errors
     /// If the saved state is invalid or its map too wide.
-    pub fn new(config: &Config, ring: &Ring, memory: &SavedState) -> Result<Self, InvalidState> {
+    pub(crate) fn new(config: &Config, ring: &Ring, memory: &SavedState) -> Result<Self, InvalidState> {
         let known = OccupancyGrid::restore(&memory.map)?.raster();
         if known.occupancy.len() > MAX_CELLS {
             return Err(InvalidState("the map is too wide to be searched for the robot"));

@@ -17,7 +17,6 @@
 /// | `deep_cells` | 9 | cells | by hand; beams that miss a wall clear a little behind it (45 cm of 5 cm cells) | smaller: that floor contradicts walls; larger: corridors say nothing |
 /// | `same_m` | 0.5 | m | by hand; solutions nearer than this, with the same heading, are one | smaller: a solution is its own rival; larger: a real rival is missed |
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[expect(missing_docs, reason = "the table above says it")]
 pub struct Params {
     pub solid_percent: i8,
     pub free_percent: i8,

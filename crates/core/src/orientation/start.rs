@@ -22,7 +22,7 @@ type Deviation = [f64; 2];
 
 /// A search under way. It runs in steps so that no sweep waits for all of it.
 #[derive(Clone, Debug)]
-pub struct Search {
+pub(crate) struct Search {
     /// Sweeps in use, from the first.
     sweeps: usize,
     first: Axis,
@@ -38,7 +38,7 @@ pub struct Search {
 
 /// The result of a step.
 #[derive(Clone, Debug)]
-pub enum Step {
+pub(crate) enum Step {
     /// More deviations are left.
     Running(Search),
     /// The building's axis in the frame of the robot at the first sweep; none without returns.
@@ -47,7 +47,7 @@ pub enum Step {
 
 impl Search {
     /// Begins a search over all of `sweeps`; none without returns.
-    pub fn begin(finder: &mut DominantDirections, sweeps: &[Sweep], wheels: &Calibration) -> Option<Self> {
+    pub(crate) fn begin(finder: &mut DominantDirections, sweeps: &[Sweep], wheels: &Calibration) -> Option<Self> {
         lay_out(finder, sweeps, wheels, [0.0; 2]);
         let first = finder.find()?;
         Some(Self {
@@ -62,7 +62,7 @@ impl Search {
     }
 
     /// Tries one more deviation. The sweeps are those that the search began with, and any later ones.
-    pub fn step(mut self, finder: &mut DominantDirections, sweeps: &[Sweep], wheels: &Calibration) -> Step {
+    pub(crate) fn step(mut self, finder: &mut DominantDirections, sweeps: &[Sweep], wheels: &Calibration) -> Step {
         let sweeps = &sweeps[..self.sweeps.min(sweeps.len())];
         let Some(reach) = self.params.rounds.get(self.tried / AROUND.len()) else {
             lay_out(finder, sweeps, wheels, self.best);

@@ -93,7 +93,7 @@ pub struct WallObservation {
 }
 
 /// Narrower cones are point beams: a definition, not tuned.
-pub const POINT_RAD: f64 = 1.0 * std::f64::consts::PI / 180.0;
+pub(crate) const POINT_RAD: f64 = 1.0 * std::f64::consts::PI / 180.0;
 impl WallObservation {
     /// The offset of the wall that would explain the return.
     #[must_use]

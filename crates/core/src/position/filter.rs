@@ -21,9 +21,9 @@ use crate::geometry::{Pose2, sinc};
 use nalgebra::{Matrix3, SMatrix, SVector};
 
 /// The robot's part of the state.
-pub const ROBOT: usize = 5;
+pub(crate) const ROBOT: usize = 5;
 /// Walls that the filter holds at most.
-pub const MAX_WALLS: usize = 160;
+pub(crate) const MAX_WALLS: usize = 160;
 
 pub(super) type Robot = SVector<f64, ROBOT>;
 

@@ -10,7 +10,7 @@ use super::params::InitializerParams;
 
 /// A cluster that may become a wall.
 #[derive(Clone, Copy, Debug)]
-pub struct Candidate {
+pub(crate) struct Candidate {
     /// The side it is observed from.
     pub side: Side,
     /// Mean offset, metres.
@@ -30,7 +30,7 @@ pub struct Candidate {
 
 /// The candidates.
 #[derive(Clone, Debug)]
-pub struct LandmarkInitializer {
+pub(crate) struct LandmarkInitializer {
     candidates: Vec<Candidate>,
     params: InitializerParams,
 }
@@ -41,12 +41,12 @@ const MAX_CANDIDATES: usize = 64;
 impl LandmarkInitializer {
     /// No candidates yet.
     #[must_use]
-    pub fn new(params: InitializerParams) -> Self {
+    pub(crate) fn new(params: InitializerParams) -> Self {
         Self { candidates: Vec::with_capacity(MAX_CANDIDATES), params }
     }
 
     /// Adds an observation that no wall explains. Returns the candidate once it is a wall.
-    pub fn add(&mut self, observation: &WallObservation, sweep: u64) -> Option<Candidate> {
+    pub(crate) fn add(&mut self, observation: &WallObservation, sweep: u64) -> Option<Candidate> {
         let params = &self.params;
         if observation.oblique_rad > params.max_oblique_rad {
             return None;
@@ -87,7 +87,7 @@ impl LandmarkInitializer {
     }
 
     /// Forgets all candidates.
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.candidates.clear();
     }
 }

@@ -30,7 +30,7 @@ pub struct KnownWall {
 
 /// A pose that explains the returns.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PoseHypothesis {
+pub(crate) struct PoseHypothesis {
     /// `true_map_from_believed_map`: moves the believed poses to the true ones.
     pub correction: Pose2,
     /// Share of the returns that the walls explain there.
@@ -56,7 +56,6 @@ pub struct PoseHypothesis {
 /// | `per_metre` | 0.2 | 1/m | by hand: wheels slip by little more often than by much | too small: far poses win by chance; too large: a carried robot is found nearby |
 /// | `per_move` | 0.25 | - | by hand | as `per_metre`, for far moves |
 /// | `per_quarter` | 0.35 | 1/quarter turn | simulated drives: with 0.12 and 0.25 a flat of the same walls twice was turned over | too small: symmetric buildings turn over; too large: a robot that was turned by hand stays lost |
-#[expect(missing_docs, reason = "the table describes each field")]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RelocalizeParams {
     pub reach_m: f64,
@@ -109,7 +108,7 @@ impl RelocalizeParams {
 /// The one pose at which the walls explain the returns, each a believed pose and a beam. `axis_rad` is the building's axis in the
 /// believed map.
 #[must_use]
-pub fn find(
+pub(crate) fn find(
     params: &Params,
     returns: &[(Pose2, Beam)],
     walls: impl Iterator<Item = KnownWall>,
