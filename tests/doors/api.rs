@@ -147,7 +147,7 @@ fn check_map(map: &Value) {
 }
 
 #[test]
-fn limits_are_kept_and_told() {
+fn limits_are_enforced_and_reported() {
     let mut served = Served::new(&["--listen", "127.0.0.1:0"]);
     let address = served.address();
     let mut idle = Served::client(&address);
@@ -174,7 +174,7 @@ fn limits_are_kept_and_told() {
 }
 
 #[test]
-fn who_reads_nothing_is_dropped_and_the_pipeline_loses_nothing() {
+fn a_client_that_does_not_read_is_dropped_and_the_pipeline_loses_nothing() {
     let mut served = Served::new(&["--listen", "127.0.0.1:0"]);
     let address = served.address();
     let board = served.plug_in(Board::robot(2));
@@ -210,7 +210,7 @@ fn who_reads_nothing_is_dropped_and_the_pipeline_loses_nothing() {
 const TOKEN: &str = "correct-horse-battery-staple";
 
 #[test]
-fn whoever_comes_over_tcp_must_know_the_token() {
+fn clients_over_tcp_must_send_the_token() {
     let folder = tempfile::tempdir().unwrap();
     let token = folder.path().join("token");
     std::fs::write(&token, format!("{TOKEN}\n")).unwrap();
@@ -237,7 +237,7 @@ fn whoever_comes_over_tcp_must_know_the_token() {
 }
 
 #[test]
-fn the_network_is_let_in_by_no_mistake() {
+fn network_access_needs_a_private_token_file() {
     let fails = |options: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_slamd"));
         let output = command.args(["--port", "/dev/nowhere", "--exit-on-hangup"]).args(options).output().unwrap();
@@ -276,7 +276,7 @@ fn framed(kind: u8, payload: &[u8]) -> Vec<u8> {
 
 #[test]
 #[expect(clippy::disallowed_methods, reason = "a board in real time")]
-fn a_board_plays_no_tricks_on_a_terminal() {
+fn control_characters_of_a_board_never_reach_a_terminal() {
     let mut served = Served::new(&["--listen", "127.0.0.1:0"]);
     let address = served.address();
     let mut terminal = Terminal::open();

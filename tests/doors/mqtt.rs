@@ -69,7 +69,7 @@ fn home_assistant_finds_the_robot_and_its_end() {
     subscriber.expect("slamd/robot/sensor/3", b"ON", SOON);
     subscriber.until(SOON, |it| it.told.contains_key("slamd/robot/map"));
 
-    // Whoever comes later is told, too: all is retained.
+    // Retained: a late subscriber receives everything.
     let mut late = Subscriber::new(&broker, None);
     late.until(SOON, |late| subscriber.told.keys().all(|topic| late.retained.contains_key(topic)));
     let told = late.retained.clone();
@@ -123,7 +123,7 @@ fn check_picture(file: &[u8]) {
 }
 
 #[test]
-fn a_broker_that_restarts_is_told_everything_anew() {
+fn a_broker_that_restarts_gets_everything_again() {
     let broker = Mosquitto::start(None);
     let port = broker.port();
     let mut served = Served::new(&["--mqtt", &broker.address()]);

@@ -29,7 +29,7 @@ fn python() -> PathBuf {
 }
 
 #[test]
-fn prometheus_reads_the_metrics_and_healthz_tells_how_it_fares() {
+fn prometheus_reads_the_metrics_and_healthz_reports_the_state() {
     let python = python();
     let mut served = Served::new(&["--metrics", "127.0.0.1:0"]);
     let address = served.address();

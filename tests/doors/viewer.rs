@@ -1,4 +1,4 @@
-//! What the real viewer shows of a session, and that no viewer is ever in the robot's way.
+//! What the real viewer shows of a session, and that no viewer ever blocks mapping.
 //!
 //! The tests make a Python environment in Cargo's target folder: they need `python3` with `venv`, PyPI the first time, and a Vulkan driver
 //! such as Debian's mesa-vulkan-drivers. Screenshots stay in `target/viewer/`.
@@ -15,6 +15,7 @@ use slamd_capture::CaptureReader;
 use slamd_core::Config;
 use slamd_testkit::mock_port::daemon::Daemon;
 use slamd_testkit::mock_port::{Board, Device, Plugged};
+use slamd_testkit::served::Served;
 use slamd_viewer::Identity;
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
@@ -27,6 +28,10 @@ const SIZE: &str = "1600x900";
 const END: Duration = Duration::from_secs(2);
 /// What a session with a viewer may take at most, KiB.
 const MAX_KIB: u64 = 300_000;
+/// Sweeps of a session after which the queue of a viewer that takes nothing is full: it holds 256 updates.
+const MORE_THAN_QUEUED: u64 = 300;
+/// Sweeps during which a stopped viewer takes nothing.
+const AFTER_STOP: u64 = 100;
 /// Viewers on a software rasteriser want the machine for themselves.
 static MACHINE: Mutex<()> = Mutex::new(());
 
@@ -93,18 +98,20 @@ fn a_recording_is_whole_and_its_picture_shows_map_and_robot() {
     }
 }
 
-/// A robot on a port, and slamd with viewers.
-fn live(folder: &Path, viewers: &[String]) -> (Plugged, Daemon) {
+/// A robot on a port, slamd with viewers, and the address of its API.
+fn watched(folder: &Path, viewers: &[String]) -> (Plugged, Daemon, String) {
     let port = folder.join("robot");
     let robot = Plugged::new(&port, Device::new(Board::robot(3), 3));
     let mut command = Command::new(env!("CARGO_BIN_EXE_slamd"));
-    command.arg("--port").arg(&port).arg("--out").arg(folder.join("out"));
+    command.arg("--port").arg(&port).arg("--out").arg(folder.join("out")).args(["--listen", "127.0.0.1:0"]);
     for viewer in viewers {
         command.arg("--viewer").arg(viewer);
     }
     let mut daemon = Daemon::run(command);
+    let (_, line) = daemon.line("api: listening at", Duration::from_secs(10));
+    let address = line.rsplit(' ').next().unwrap().to_owned();
     daemon.expect("link: streaming", Duration::from_secs(10));
-    (robot, daemon)
+    (robot, daemon, address)
 }
 
 /// Ends slamd, in time.
@@ -120,13 +127,13 @@ fn end(daemon: Daemon) {
 }
 
 #[test]
-fn a_viewer_that_dies_and_returns_and_one_that_comes_late_see_the_whole_map() {
+fn returning_and_late_viewers_show_the_full_map() {
     let _machine = MACHINE.lock();
     let folder = tempfile::tempdir().unwrap();
     let (visited, served) = (free_port(), free_port());
     let first = Viewer::start(visited, SIZE, None);
     let viewers = [format!("connect=127.0.0.1:{visited}"), format!("serve={served}")];
-    let (_robot, mut daemon) = live(folder.path(), &viewers);
+    let (_robot, mut daemon, _) = watched(folder.path(), &viewers);
     first.shows("first.png", has_map);
     drop(first);
     daemon.expect("is gone", Duration::from_secs(10));
@@ -140,8 +147,7 @@ fn a_viewer_that_dies_and_returns_and_one_that_comes_late_see_the_whole_map() {
 }
 
 #[test]
-#[expect(clippy::disallowed_methods, reason = "the test lives in real time")]
-fn viewers_that_hang_or_never_come_are_not_in_the_way() {
+fn stalled_and_absent_viewers_never_block_mapping() {
     let _machine = MACHINE.lock();
     let folder = tempfile::tempdir().unwrap();
     // Accepts, and never reads.
@@ -151,10 +157,14 @@ fn viewers_that_hang_or_never_come_are_not_in_the_way() {
     let file = folder.path().join("drive.rrd");
     let mut viewers = [deaf_port, nobody, frozen_port].map(|port| format!("connect=127.0.0.1:{port}")).to_vec();
     viewers.push(file.display().to_string());
-    let (robot, mut daemon) = live(folder.path(), &viewers);
+    let (robot, mut daemon, address) = watched(folder.path(), &viewers);
     daemon.expect(&format!("shown at rerun+http://127.0.0.1:{frozen_port}"), Duration::from_secs(30));
     frozen.signal("STOP");
-    std::thread::sleep(Duration::from_secs(30));
+    let mut watcher = Served::client(&address);
+    watcher.ask("?WATCH={\"sweep_hz\":50,\"pose_hz\":0};");
+    let mut sweep = || watcher.expect("SWEEP")["sweep"].as_u64().unwrap();
+    let enough = MORE_THAN_QUEUED.max(sweep() + AFTER_STOP);
+    while sweep() < enough {}
     assert_eq!(robot.lost_bytes(), 0, "slamd reads in time");
     end(daemon);
     frozen.signal("CONT");
@@ -164,7 +174,7 @@ fn viewers_that_hang_or_never_come_are_not_in_the_way() {
 
 #[test]
 #[expect(clippy::disallowed_methods, reason = "the test measures in real time")]
-fn what_a_viewer_does_not_take_is_dropped_and_counted() {
+fn updates_that_a_viewer_does_not_take_are_dropped_and_counted() {
     let folder = tempfile::tempdir().unwrap();
     let deaf = TcpListener::bind("127.0.0.1:0").unwrap();
     let host = deaf.local_addr().unwrap().to_string();
@@ -185,7 +195,7 @@ fn what_a_viewer_does_not_take_is_dropped_and_counted() {
 }
 
 #[test]
-fn a_port_that_is_taken_is_said_and_the_session_goes_on() {
+fn a_port_in_use_is_reported_and_the_session_goes_on() {
     let folder = tempfile::tempdir().unwrap();
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let port = folder.path().join("robot");

@@ -25,7 +25,7 @@ fn hashes(folder: &Path) -> Vec<String> {
 }
 
 #[test]
-fn a_full_disk_holds_up_nothing_and_costs_nothing() {
+fn a_full_disk_blocks_nothing_and_loses_nothing() {
     if !may_mount() {
         println!(
             "skipped: this machine lets nobody mount a small disk; tests/files/recording.rs has the same with a disk in memory"

@@ -3,5 +3,6 @@
 mod full_disk;
 mod kill;
 mod recording;
+mod resume;
 mod ros2;
 mod session_file;

@@ -121,7 +121,7 @@ fn a_missing_port_is_waited_for() {
 }
 
 #[test]
-fn a_session_is_begun_once_and_a_damaged_one_is_not_written_over() {
+fn a_session_starts_once_and_a_damaged_file_is_not_overwritten() {
     let folder = tempfile::tempdir().unwrap();
     let session = folder.path().join("home.session");
     let capture = concat!(env!("CARGO_MANIFEST_DIR"), "/replay/flat-emulated-mega.mcap");

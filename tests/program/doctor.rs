@@ -260,7 +260,7 @@ fn frames_that_are_missing_are_counted() {
 }
 
 #[test]
-fn what_is_no_slamd_board_is_told_apart() {
+fn devices_that_are_no_slamd_board_are_distinguished() {
     let report = examine_bytes(b"Marlin 2.1.2 ready, temperature 24.0\r\n");
     assert_found(&report, "line.firmware", Level::Problem, "Marlin", "flash protocol/firmware");
     let noise: Vec<u8> = (0..997_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24).to_le_bytes()[0]).collect();
@@ -271,7 +271,7 @@ fn what_is_no_slamd_board_is_told_apart() {
 }
 
 #[test]
-fn an_echoing_line_is_told() {
+fn an_echoing_line_is_reported() {
     let mut examination = Examination::new(&Config::default(), BAUD, "test");
     for step in 0..1_000 {
         let now = Timestamp::from_us(step * 10_000);
@@ -291,7 +291,7 @@ fn an_echoing_line_is_told() {
 }
 
 #[test]
-fn another_protocol_overruns_and_a_low_supply_are_told() {
+fn another_protocol_overruns_and_a_low_supply_are_reported() {
     let report = examine_altered(|message| {
         if let Message::Hello(hello) = message {
             hello.major += 1;

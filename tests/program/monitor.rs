@@ -97,7 +97,7 @@ fn places(buffer: &Buffer, symbol: &str) -> Vec<(u16, u16)> {
 }
 
 #[test]
-fn everything_is_told_at_both_sizes() {
+fn everything_is_shown_at_both_sizes() {
     for size in [SMALL, LARGE] {
         let shown = text(&screen(size, &dashboard(), View::default(), FULL));
         for words in [
@@ -192,7 +192,7 @@ fn without_unicode_there_is_only_ascii() {
 }
 
 #[test]
-fn a_broken_encoder_is_told_where_the_wheels_are() {
+fn a_broken_encoder_is_shown_beside_the_wheels() {
     let shown = text(&screen(SMALL, &dashboard(), View::default(), FULL));
     assert!(shown.contains("wheels, right to left") && !shown.contains("encoder"), "{shown}");
     let mut dashboard = dashboard();
@@ -210,7 +210,7 @@ fn without_colour_states_still_differ() {
 }
 
 #[test]
-fn a_small_terminal_is_told_what_it_needs() {
+fn a_small_terminal_shows_the_size_that_is_needed() {
     let shown = text(&screen((60, 20), &dashboard(), View::default(), FULL));
     assert!(shown.contains("60 columns and 20 rows") && shown.contains("80 and 24"), "{shown}");
 }

@@ -196,7 +196,7 @@ fn a_terminated_monitor_gives_the_terminal_back() {
 
 #[test]
 #[expect(clippy::disallowed_methods, reason = "the test waits in real time")]
-fn a_terminal_that_takes_nothing_holds_nothing_up() {
+fn a_stalled_terminal_never_blocks_mapping() {
     let folder = tempfile::tempdir().unwrap();
     let mut watched = Watched::start(&["--capture", CAPTURE, "--speed", "20"], folder.path());
     watched.expect("playing");

@@ -44,7 +44,7 @@ fn systemd_understands_every_line() {
 }
 
 #[test]
-fn little_is_left_open() {
+fn the_service_is_sandboxed() {
     let arguments = ["security", "--offline=true", "--no-pager", &format!("--threshold={MAX_EXPOSED}")];
     let Some(output) = analyze(UNIT, &arguments) else { return };
     let report = String::from_utf8_lossy(&output.stdout);

@@ -58,7 +58,7 @@ impl Plugged {
 const CHIPS: [&str; 6] = ["1a86:7523", "10c4:ea60", "0403:6001", "2341:0042", "2341:0010", "2a03:0042"];
 
 #[test]
-fn the_board_gets_its_name_and_nobody_else_the_board() {
+fn the_board_gets_its_name_and_no_other_program_claims_it() {
     for chip in CHIPS {
         let Some(plugged) = Plugged::new(RULES, chip) else { return };
         let Plugged { usb, tty } = &plugged;

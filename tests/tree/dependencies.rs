@@ -91,7 +91,7 @@ fn packages(manifest: &str, targets: &BTreeSet<String>) -> Vec<Package> {
 }
 
 #[test]
-fn all_that_is_built_may_be() {
+fn dependencies_have_allowed_licenses_and_come_from_the_registry() {
     let rules = Rules::read();
     let mut used = BTreeSet::new();
     for manifest in MANIFESTS {

@@ -6,7 +6,7 @@ use slamd_testkit::promises::{LONG, PROMISES};
 use std::path::Path;
 
 #[test]
-fn each_promise_is_kept_by_a_test_and_told() {
+fn each_promise_names_its_test_and_is_on_the_page() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let told = std::fs::read_to_string(root.join("docs/reliability.md")).unwrap();
     for promise in &PROMISES {

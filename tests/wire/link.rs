@@ -1,4 +1,4 @@
-//! Every failure of the cable, on the real program, each with its words.
+//! Every failure of the cable, on the real program, each with its message.
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
@@ -6,6 +6,7 @@ use slamd_sim::link::LinkFaults;
 use slamd_testkit::mock_port;
 use slamd_testkit::mock_port::daemon::Daemon;
 use slamd_testkit::mock_port::{Board, Device, Plugged, simulation};
+use slamd_testkit::served::Served;
 use std::os::unix::fs::{MetadataExt as _, PermissionsExt as _};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
@@ -101,7 +102,7 @@ fn a_busy_port_names_its_holder() {
 }
 
 #[test]
-fn silence_is_told_after_every_rate_was_tried() {
+fn silence_is_reported_after_every_rate_was_tried() {
     let (_board, mut daemon) = Place::new().with_kept(Board::Silent);
     daemon.expect("link: listening (silence: nothing arrives at 115200 baud; trying other rates)", SOON);
     daemon.expect("silence: the board says nothing at any usual rate: is it powered", 2 * SOON);
@@ -122,7 +123,7 @@ fn noise_leads_to_the_boards_baud_rate() {
 }
 
 #[test]
-fn noise_at_every_rate_is_told() {
+fn noise_at_every_rate_is_reported() {
     let place = Place::new();
     let _robot = Plugged::new(&place.port(), Device::new(Board::Text, 1).at_baud(31_250));
     let mut daemon = place.daemon();
@@ -140,7 +141,7 @@ fn another_firmware_is_quoted() {
 }
 
 #[test]
-fn an_echoing_line_is_told() {
+fn an_echoing_line_is_reported() {
     let (_board, mut daemon) = Place::new().with_kept(Board::Echo);
     daemon.expect("the line echoes what slamd sends: the board's receive and transmit wires touch", SOON);
     daemon.end();
@@ -157,7 +158,7 @@ fn a_protocol_mismatch_says_which_side_to_update() {
 }
 
 #[test]
-fn a_board_that_restarts_again_and_again_is_told() {
+fn a_board_that_restarts_repeatedly_is_reported() {
     let robot = Box::new(simulation(1, LinkFaults::default(), 600.0));
     let (_board, mut daemon) = Place::new().with_kept(Board::Restarting(robot, Duration::from_secs(2)));
     daemon.expect("the board restarts again and again: its supply breaks down", 2 * SOON);
@@ -165,7 +166,7 @@ fn a_board_that_restarts_again_and_again_is_told() {
 }
 
 #[test]
-fn a_line_that_falls_dead_is_stale_then_lost_then_well() {
+fn a_dead_line_is_stale_then_lost_then_streaming_again() {
     let (board, mut daemon) = Place::new().with_kept(Board::robot(1));
     daemon.expect("link: streaming", SOON);
     board.1.stall(true);
@@ -177,24 +178,25 @@ fn a_line_that_falls_dead_is_stale_then_lost_then_well() {
 }
 
 #[test]
-#[expect(clippy::disallowed_methods, reason = "the robot drives in real time")]
 fn map_and_pose_go_on_when_the_port_returns_under_another_name() {
-    let place = Place::new();
-    let (robot, mut daemon) = place.with(Board::robot(3));
-    daemon.expect("link: streaming", SOON);
-    std::thread::sleep(Duration::from_secs(5));
-    let device = std::fs::canonicalize(place.port()).unwrap();
+    let mut served = Served::new(&["--listen", "127.0.0.1:0"]);
+    let mut watcher = Served::client(&served.address());
+    watcher.ask("?WATCH={\"pose_hz\":50};");
+    let robot = served.plug_in(Board::robot(3));
+    served.daemon.expect("link: streaming", SOON);
+    (0..30).for_each(|_| drop(watcher.expect("POSE")));
+    let device = std::fs::canonicalize(served.board()).unwrap();
     // Opened while the old name is in use, so that its own is another.
     let elsewhere = mock_port::Terminal::open();
     let robot = robot.unplug();
-    daemon.expect("is gone", SOON);
-    let robot = Plugged::at(elsewhere, &place.port(), robot);
-    assert_ne!(std::fs::canonicalize(place.port()).unwrap(), device);
-    daemon.expect("link: streaming", SOON);
-    std::thread::sleep(Duration::from_secs(4));
-    daemon.end();
+    served.daemon.expect("is gone", SOON);
+    let robot = Plugged::at(elsewhere, &served.board(), robot);
+    assert_ne!(std::fs::canonicalize(served.board()).unwrap(), device);
+    served.daemon.expect("link: streaming", SOON);
+    (0..40).for_each(|_| drop(watcher.expect("POSE")));
+    served.daemon.end();
     drop(robot);
-    let trajectory = std::fs::read_to_string(place.folder.path().join("out/trajectory.tum")).unwrap();
+    let trajectory = std::fs::read_to_string(served.folder.path().join("out/trajectory.tum")).unwrap();
     let poses: Vec<[f64; 3]> = trajectory
         .lines()
         .filter(|line| !line.starts_with('#'))

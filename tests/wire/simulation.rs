@@ -6,7 +6,7 @@ use slamd_testkit::simulating;
 const SEEDS: u64 = 24;
 
 #[test]
-fn nothing_that_goes_wrong_breaks_a_promise() {
+fn no_fault_breaks_a_promise() {
     let met = simulating::simulate_all(0..SEEDS, || ());
     println!("{met}");
     let kinds =

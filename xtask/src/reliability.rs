@@ -152,9 +152,9 @@ pub(crate) fn run(options: &Options) {
         let (longer, are_kept_longer) = longer(part);
         are_kept &= are_kept_longer;
         let text = format!(
-            "# Reliability\n\nEach promise with what keeps it. Written by `cargo xtask reliability --part {part}`, which ran the \
-             tests in {seconds:.0} s (CI runs them at each change) and the long runs at {part} of their full length. What is \
-             promised of access from outside is in [SECURITY.md](../SECURITY.md).\n\n{table}{longer}"
+            "# Reliability\n\nEach promise, the test that keeps it, and how it fared. Written by `cargo xtask reliability --part {part}`, \
+             which ran the tests in {seconds:.0} s (CI runs them at each change) and the long runs at {part} of their full \
+             length. Promises about access from outside are in [SECURITY.md](../SECURITY.md).\n\n{table}{longer}"
         );
         std::fs::write(page(), text).expect("docs/ can be written");
     }

@@ -36,6 +36,10 @@
 //! the frames of [`Update::Transmit`] to the board, and hands in what was really written as [`Input::Sent`]. A replay ignores these frames:
 //! what was sent is in the capture.
 
+#![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
+#![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
+#![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
+
 use crate::event::{Event, Input, Output};
 use crate::geometry::Pose2;
 use crate::link::Reception;

@@ -3,6 +3,10 @@
 //! [`SessionState`] follows the events; [`Snapshot`] is a copy of it, of the pipeline's newest sweep and of the link's health, that another
 //! thread can keep. Each consumer only formats it.
 
+#![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
+#![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
+#![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
+
 use crate::event::{Calibration, Counters, EncoderState, Estimate, Event, FaultEvent, SensorState, Verdict, Wheel};
 use crate::geometry::Ring;
 use crate::link::{Link, LinkState};

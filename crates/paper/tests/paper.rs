@@ -203,7 +203,7 @@ fn a_single_noisy_sensor_hides_in_the_first_component() {
 }
 
 #[test]
-fn falling_silent_is_noticed_and_forgiven_because_silence_itself_is_not_seen() {
+fn a_sensor_that_falls_silent_is_found_and_cleared_because_silence_itself_has_no_residual() {
     let silent_from = 90;
     let (faults, _) = judge(200, |sensor, k, healthy, _| {
         let near = healthy.min(1.0);
@@ -221,7 +221,7 @@ fn falling_silent_is_noticed_and_forgiven_because_silence_itself_is_not_seen() {
 }
 
 #[test]
-fn noisy_sensors_that_recover_are_forgiven_after_the_stated_time() {
+fn noisy_sensors_that_recover_are_cleared_after_the_stated_time() {
     let (faults, _) =
         judge(
             120,

@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 ///
 /// "First version" means: set by hand in the first version, not measured since. "Overall" means: no single measurement; together
 /// the values give the detection rates, latencies and false alarms of `docs/sensor-faults.md`
-/// (`cargo bench --no-default-features --bench sensor_faults -- --seeds 101-120 --seconds 80`). A reason that follows from the value alone
+/// (`cargo xtask sensor-faults --seeds 101-120 --seconds 80`). A reason that follows from the value alone
 /// (two spacings of a ring) is all that the record holds. LLR is a natural log-likelihood ratio.
 ///
 /// | name | value | unit | how chosen | what breaks when it is wrong |

@@ -2,7 +2,7 @@
 
 /// The constants of the search: how cells of a new map score on a known one, and which solutions are the same.
 ///
-/// "By hand" means: set by hand and not measured alone; `cargo bench --no-default-features --bench localize` measures all of them
+/// "By hand" means: set by hand and not measured alone; `cargo xtask localize` measures all of them
 /// together. What follows a "by hand;" explains the value, it did not measure it.
 ///
 /// | name | value | unit | how chosen | what breaks when it is wrong |

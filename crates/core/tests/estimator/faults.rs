@@ -58,7 +58,7 @@ impl Run {
 }
 
 #[test]
-fn each_kind_is_found_in_time_and_named_and_forgiven_when_it_passes() {
+fn each_fault_is_found_in_time_named_and_cleared_after_recovery() {
     let faults = ["3:saturated@20-40", "11:missing@20-30", "17:noisy@20-30", "29:stuck@20-30"];
     let run = run(32, 1, 60.0, &faults);
     let limits = [

@@ -110,7 +110,7 @@ fn a_machine_that_slept_does_not_take_the_line_for_dead() {
 }
 
 #[test]
-fn silence_is_told_after_all_rates_were_tried_and_again_later() {
+fn silence_is_reported_after_all_rates_were_tried_and_again_later() {
     let mut bench = Bench::open();
     bench.wait(3_999);
     assert!(bench.changes().is_empty());
@@ -144,7 +144,7 @@ fn a_board_at_another_rate_is_found_and_the_option_named() {
 }
 
 #[test]
-fn noise_at_all_rates_and_text_and_an_echo_are_told_apart() {
+fn noise_text_and_an_echo_are_distinguished() {
     let mut noise = Bench::open();
     for _ in 0..200 {
         noise.hear(&[0x80, 0xF3, 0x11, 0x07]);
@@ -169,7 +169,7 @@ fn noise_at_all_rates_and_text_and_an_echo_are_told_apart() {
 }
 
 #[test]
-fn another_version_and_a_board_that_restarts_again_and_again_are_told() {
+fn another_version_and_a_board_that_restarts_repeatedly_are_reported() {
     let mut bench = Bench::open();
     let _ = bench.board.greet(Hello {
         major: 9,

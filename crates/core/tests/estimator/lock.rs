@@ -93,7 +93,7 @@ fn flat(duration_s: f64) -> impl Iterator<Item = Record> {
 }
 
 #[test]
-fn a_slip_is_noticed_told_and_mended() {
+fn a_slip_is_detected_reported_and_corrected() {
     let (changes, worst_m) = drive(&slipped(flat(150.0)));
     println!("{changes:?}, then at most {worst_m:.3} m off");
     let [lost, found] = &changes[..] else { panic!("{changes:?}") };

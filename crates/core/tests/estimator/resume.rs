@@ -82,7 +82,7 @@ fn the_second_half_goes_on_where_the_first_ended() {
 }
 
 #[test]
-fn a_paper_run_refuses_a_memory() {
+fn a_paper_run_refuses_a_saved_state() {
     let mut pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::Start::Fresh).unwrap();
     let mut nothing = Half::default();
     for record in drive(world("flat"), 5, 20.0, FaultMix::None) {

@@ -40,7 +40,7 @@ fn a_side_of_missing_sensors_and_eight_of_all_kinds_cost_little() {
 }
 
 #[test]
-fn a_reversed_encoder_is_named_and_turned_over_on_the_way() {
+fn a_reversed_encoder_is_named_and_its_sign_corrected() {
     let outcome = with_encoder("right:reversed@25", 60.0);
     let (at_s, wheel, state) = verdict(&outcome);
     assert_eq!((wheel, state), (Wheel::Right, EncoderState::Reversed));
@@ -52,7 +52,7 @@ fn a_reversed_encoder_is_named_and_turned_over_on_the_way() {
 }
 
 #[test]
-fn an_encoder_reversed_from_the_start_is_turned_over_before_the_map_begins() {
+fn an_encoder_reversed_from_the_start_is_corrected_before_the_map_begins() {
     let outcome = with_encoder("left:reversed", 45.0);
     let (_, wheel, state) = verdict(&outcome);
     assert_eq!((wheel, state), (Wheel::Left, EncoderState::Reversed));
@@ -79,7 +79,7 @@ fn a_dead_encoder_is_named_and_no_certain_pose_is_wrong() {
 }
 
 #[test]
-fn whole_encoders_on_bad_wheels_are_not_accused() {
+fn healthy_encoders_on_bad_wheels_are_not_declared_faulty() {
     let outcome = Drive { odometry_errors: 3.0, ..Drive::flat(6, 60.0) }.run();
     assert!(outcome.encoders.is_empty(), "{:?}", outcome.encoders);
 }

@@ -143,9 +143,9 @@ impl World {
                     Sleep::HostClock => self.reset(),
                 }
             }
-            Happening::Disk(mood) => {
-                self.met.disk_moods += 1;
-                self.disk.is(mood);
+            Happening::Disk(condition) => {
+                self.met.disk_changes += 1;
+                self.disk.is(condition);
             }
             Happening::Death { power_cut } => {
                 self.met.deaths += 1;
