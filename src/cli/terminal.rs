@@ -1,7 +1,7 @@
 //! What a person sees: a progress bar while it lasts, a few lines at the end.
 
 use indicatif::{ProgressBar, ProgressStyle};
-use slamd_core::event::FaultEvent;
+use slamd_core::FaultEvent;
 use slamd_publish::Summary;
 use std::io::Write as _;
 use std::path::Path;

@@ -1,8 +1,10 @@
 //! The board's clock against the host's, and the way there and back.
 
 use super::finding::{Finding, Level};
-use slamd_core::align::clock::{ClockMap, Widener};
-use slamd_core::time::{DeviceTime, Timestamp};
+use slamd_core::{
+    DeviceTime, Timestamp,
+    stages::{ClockMap, Widener},
+};
 use slamd_protocol::{FrameDecoder, Message};
 
 /// Beyond this a ping cannot be dated well enough, seconds: an FTDI bridge holds bytes for 16 ms unless told not to.

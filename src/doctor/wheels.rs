@@ -4,8 +4,7 @@
 //! for a push straight ahead, then for a turn to the left, and each finding says under which condition it holds.
 
 use super::finding::{Finding, Level};
-use slamd_core::board::Board;
-use slamd_core::config::RobotConfig;
+use slamd_core::{Board, config::RobotConfig};
 use slamd_protocol::Setting;
 use std::f64::consts::TAU;
 

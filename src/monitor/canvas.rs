@@ -9,7 +9,7 @@ use ratatui::style::{Color, Style};
 use ratatui::symbols::Marker;
 use ratatui::widgets::Widget as _;
 use ratatui::widgets::canvas::{Canvas, Context, Painter, Shape};
-use slamd_core::geometry::Point;
+use slamd_core::Point;
 
 /// A part of the plane in an area of the screen; the plane's y axis is up.
 pub(super) struct Window {

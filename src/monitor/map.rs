@@ -7,8 +7,7 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier};
 use ratatui::symbols::Marker;
-use slamd_core::geometry::{Point, Pose2};
-use slamd_core::mapping::raster::Raster;
+use slamd_core::{Point, Pose2, Raster};
 use std::f64::consts::{FRAC_PI_4, TAU};
 
 /// Cells from this percentage on are walls, up to the other one floor: the thresholds of ROS's `map_server`.

@@ -4,7 +4,7 @@ use crate::monitor::dashboard::{Dashboard, Tone};
 use crate::monitor::view::Look;
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
-use slamd_core::event::{EncoderState, Wheel};
+use slamd_core::{EncoderState, Wheel};
 
 /// Eleven lines of at most 26 characters.
 pub(super) fn lines(dashboard: &Dashboard, look: Look) -> Vec<Line<'static>> {

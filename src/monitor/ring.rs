@@ -7,7 +7,7 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier};
 use ratatui::widgets::canvas::{Context, Line};
-use slamd_core::geometry::{Point, Pose2};
+use slamd_core::{Point, Pose2};
 use std::f64::consts::FRAC_PI_2;
 
 /// A ray without a length is drawn this long, as a part of the greatest range.

@@ -1,6 +1,6 @@
 //! When the watchdog is fed: a state machine whose only clock is the one it is given.
 
-use slamd_core::time::Timestamp;
+use slamd_core::Timestamp;
 use std::time::Duration;
 
 /// Feeds a watchdog several times within its patience, as often as somebody looks and not more often.

@@ -7,9 +7,10 @@
 use super::session::Session;
 use crate::recorder::Chunk;
 use bytes::{Buf as _, Bytes};
-use slamd_core::handshake;
-use slamd_core::link::{Link, Remedy};
-use slamd_core::time::Timestamp;
+use slamd_core::{
+    Timestamp, introduction,
+    link::{Link, Remedy},
+};
 use std::collections::VecDeque;
 
 /// A session on a line.
@@ -82,7 +83,7 @@ impl<'a> LiveSession<'a> {
 
     /// Each capture of a recording can be replayed by itself: who the board is, and its ring, are heard in each.
     pub fn introduce(&mut self) {
-        self.extend(handshake::introduction());
+        self.extend(introduction());
     }
 
     /// The port is closed: it is gone, or shall be opened anew.

@@ -20,11 +20,10 @@ pub use trajectory::Trajectory;
 
 use fault_log::FaultLog;
 use localization_log::LockLog;
-use slamd_core::config::Config;
-use slamd_core::event::{Calibration, Counters, EncoderState, Event, LocalizationChange, SensorState, Wheel};
-use slamd_core::geometry::{Pose2, Ring};
-use slamd_core::mapping::raster::Raster;
-use slamd_core::time::Timestamp;
+use slamd_core::{
+    Calibration, Config, Counters, EncoderState, Event, LocalizationChange, Pose2, Raster, Ring, SensorState,
+    Timestamp, Wheel,
+};
 use slamd_files::private;
 use slamd_metrics::{AccuracyMeter, FaultMeter, TrueFault};
 use std::io;

@@ -1,7 +1,7 @@
 //! `lock.csv`: when the robot lost its pose and found it again, and since when its poses were uncertain.
 
 use super::WriteError;
-use slamd_core::event::{LocalizationChange, LocalizationEvent};
+use slamd_core::{LocalizationChange, LocalizationEvent};
 use slamd_files::PartFile;
 use std::path::Path;
 

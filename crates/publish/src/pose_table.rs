@@ -1,7 +1,7 @@
 //! Poses as a table for spreadsheets and scripts: a CSV file with a head, one row per pose.
 
 use super::WriteError;
-use slamd_core::event::Estimate;
+use slamd_core::Estimate;
 use slamd_files::PartFile;
 use std::path::Path;
 
@@ -53,8 +53,7 @@ fn line(estimate: &Estimate) -> String {
 mod tests {
     use super::*;
     use nalgebra::{Matrix3, Vector3};
-    use slamd_core::geometry::Pose2;
-    use slamd_core::time::Timestamp;
+    use slamd_core::{Pose2, Timestamp};
 
     #[test]
     fn a_row_has_as_many_columns_as_the_head() {

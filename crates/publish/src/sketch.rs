@@ -2,9 +2,7 @@
 
 use super::picture::{self, Scene};
 use super::track::Track;
-use slamd_core::event::{Estimate, SensorState};
-use slamd_core::geometry::{Point, Pose2, Ring};
-use slamd_core::mapping::raster::Raster;
+use slamd_core::{Estimate, Point, Pose2, Raster, Ring, SensorState};
 use std::io;
 
 /// The path so far, in bounded memory.

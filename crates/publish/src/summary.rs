@@ -2,7 +2,7 @@
 
 use hdrhistogram::Histogram;
 use serde::Serialize;
-use slamd_core::event::{Calibration, Counters, EncoderEvent, KnownMapSearch, SearchState};
+use slamd_core::{Calibration, Counters, EncoderEvent, KnownMapSearch, SearchState};
 use slamd_metrics::{Accuracy, FaultScore};
 use std::fmt;
 use std::time::Duration;

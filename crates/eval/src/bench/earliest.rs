@@ -2,8 +2,7 @@
 
 use super::case::Case;
 use slamd_capture::Record;
-use slamd_core::event::FaultKind;
-use slamd_core::geometry::Ring;
+use slamd_core::{FaultKind, Ring};
 use slamd_metrics::TrueFault;
 use slamd_sim::world::World;
 
@@ -29,8 +28,7 @@ pub fn earliest_s(case: &Case, world: &World, records: &[Record], ring: &Ring, f
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slamd_core::geometry::{Point, Pose2};
-    use slamd_core::time::Timestamp;
+    use slamd_core::{Point, Pose2, Timestamp};
     use slamd_sim::world::Segment;
 
     #[test]

@@ -14,8 +14,7 @@
 
 use super::recorder::{Recorder, Summary};
 use super::{ImportError, SourceLine, WheelTicks};
-use slamd_core::config::Config;
-use slamd_core::geometry::Pose2;
+use slamd_core::{Config, Pose2};
 use std::io::BufRead;
 use std::path::Path;
 

@@ -5,7 +5,7 @@
 
 use super::recorder::{Recorder, Summary};
 use super::{ImportError, SourceLine};
-use slamd_core::config::Config;
+use slamd_core::Config;
 use std::io::BufRead;
 use std::path::Path;
 

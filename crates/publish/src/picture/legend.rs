@@ -4,7 +4,7 @@ use super::canvas::{Canvas, Ink, Pen, TEXT_PX};
 use super::floor::Floor;
 use super::robot::{FAULTY, HEALTHY, RobotMark};
 use super::{ODOMETRY, PATH, Scene, TRUTH, draw_start};
-use slamd_core::event::SensorState;
+use slamd_core::SensorState;
 use std::f64::consts::FRAC_PI_2;
 
 /// Height of the strip, pixels.

@@ -8,9 +8,7 @@ mod robot;
 use canvas::{Canvas, Ink, Pen};
 use floor::Floor;
 use robot::RobotMark;
-use slamd_core::event::SensorState;
-use slamd_core::geometry::{Point, Pose2, Ring};
-use slamd_core::mapping::raster::Raster;
+use slamd_core::{Point, Pose2, Raster, Ring, SensorState};
 
 /// What the picture shows. All paths are in the map frame, metres.
 pub(super) struct Scene<'a> {
