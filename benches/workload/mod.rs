@@ -3,10 +3,11 @@
 #![allow(dead_code, unreachable_pub, reason = "each bench associations its part")]
 
 use slamd_capture::{CaptureReader, Record};
-use slamd_core::stages::integrate_beam;
 use slamd_core::{
     Config, Estimate, Event, Input, Method, Output, Pipeline, Ring, Sweep, Timestamp,
-    stages::{Aligner, Detector, DominantDirections, EkfSlam, OccupancyGrid, PcaBlock, ReturnKind, Wheels},
+    stages::{
+        Aligner, Detector, DominantDirections, EkfSlam, OccupancyGrid, PcaBlock, ReturnKind, Wheels, integrate_beam,
+    },
 };
 use slamd_protocol::{FrameDecoder, Message};
 use slamd_publish::Outputs;
