@@ -230,7 +230,7 @@ fn whoever_comes_over_tcp_must_know_the_token() {
     assert_eq!(known.next().unwrap()["class"], "VERSION");
     assert_eq!(known.expect("DEVICE")["link"], "searching");
     silent.expect_end("no token within 5 s");
-    served.daemon.expect("it does not know the token", SOON);
+    served.daemon.expect("wrong or missing token", SOON);
     assert!(get(&page, "/metrics", "").starts_with("HTTP/1.1 401 "));
     assert!(get(&page, "/metrics", &format!("Authorization: Bearer {TOKEN}\r\n")).starts_with("HTTP/1.1 200 "));
     served.daemon.end();
