@@ -5,7 +5,7 @@ use serde_json::json;
 use slamd_core::event::{FaultEvent, SensorState};
 use slamd_core::snapshot::Snapshot;
 
-/// Topic and payload of all that is known at this snapshot, the map apart.
+/// Topic and payload of everything in the snapshot except the map.
 pub(super) fn messages(names: &Names, snapshot: &Snapshot) -> Vec<(String, String)> {
     let mut messages = vec![
         (names.topic("link"), snapshot.link.word().to_owned()),
@@ -30,7 +30,7 @@ pub(super) fn messages(names: &Names, snapshot: &Snapshot) -> Vec<(String, Strin
     messages
 }
 
-/// What is wrong with a sensor, if anything is.
+/// A sensor's state and the fault's reason, as JSON.
 fn attributes(fault: Option<&FaultEvent>) -> String {
     let state = match fault.map(|fault| fault.state) {
         Some(SensorState::Faulty(kind)) => kind.word(),
@@ -39,12 +39,12 @@ fn attributes(fault: Option<&FaultEvent>) -> String {
     json!({ "state": state, "reason": fault.map_or("", |fault| &fault.reason) }).to_string()
 }
 
-/// As Home Assistant's binary sensors have it.
+/// The payload of a binary sensor in Home Assistant.
 fn word(is_on: bool) -> String {
     if is_on { "ON" } else { "OFF" }.into()
 }
 
-/// To so many parts of one: a robot that stands still is told once. Zero has no sign.
+/// Rounds to `1 / parts`, so that a robot at rest is published once. Adding 0.0 removes the sign of zero.
 fn rounded(value: f64, parts: f64) -> f64 {
     libm::round(value * parts) / parts + 0.0
 }
@@ -58,7 +58,7 @@ mod tests {
     use slamd_core::time::Timestamp;
 
     #[test]
-    fn what_is_not_known_is_not_said_and_the_rest_in_plain_words() {
+    fn only_known_values_are_published() {
         let names = Names::new("robot");
         let mut snapshot = Snapshot { cause: "port missing".into(), ..Snapshot::default() };
         let told = messages(&names, &snapshot);

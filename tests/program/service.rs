@@ -170,7 +170,7 @@ fn a_pipeline_that_hangs_does_not_feed_the_watchdog() {
 fn a_manager_that_does_not_listen_is_not_waited_for() {
     let folder = tempfile::tempdir().unwrap();
     let mut nobody = Daemon::run(program(folder.path(), folder.path().join("nowhere").to_str().unwrap()));
-    nobody.expect("the service manager cannot be told anything", SOON);
+    nobody.expect("no connection to the service manager", SOON);
     nobody.expect("link: searching", SOON);
     nobody.end();
     let place = folder.path().join("notify");
