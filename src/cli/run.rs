@@ -134,7 +134,7 @@ impl LiveArgs {
             observe(link, None);
         };
         let port = runtime.block_on(daemon::search(options, &mut link, Timestamp::default, shutdown, &mut look));
-        let Some(port) = port.map_err(|trouble| Failure::new(Kind::Unavailable, trouble.to_string()))? else {
+        let Some(port) = port.map_err(|error| Failure::new(Kind::Unavailable, error.to_string()))? else {
             service.iter().for_each(Service::stopping);
             return Ok(None);
         };
@@ -149,9 +149,9 @@ impl LiveArgs {
         watched.watch(&mut session);
         // Recorder and viewers have their threads by now, and keep their priority.
         if self.realtime
-            && let Err(trouble) = priority::real_time()
+            && let Err(error) = priority::real_time()
         {
-            tracing::warn!("{trouble}");
+            tracing::warn!("{error}");
         }
         let live = Live { clock, session: &mut session, recorder: &mut recorder, saver: &mut saver };
         let mut look = |link: &Link, session: Option<&Session>| {

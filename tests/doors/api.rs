@@ -154,7 +154,7 @@ fn limits_are_kept_and_told() {
     let mut long = Served::client(&address);
     long.stream.write_all(&[b'x'; 65 << 10]).unwrap();
     long.expect_end("more than 65536 bytes");
-    served.daemon.expect("its line does not end", SOON);
+    served.daemon.expect("line too long", SOON);
     drop(long);
     let is_in = |client: &mut Client| client.next().is_some_and(|line| line["class"] == "VERSION");
     let mut clients = Vec::new();

@@ -73,8 +73,12 @@ fn a_full_disk_that_gets_room_again_costs_nothing() {
     run.run(10, Mood::Well);
     let told: Vec<_> = run.notices.iter().map(|(_, notice)| notice.as_str()).collect();
     assert_eq!(told.len(), 11, "one warning a minute, and the end: {told:#?}");
-    assert!(told[0].starts_with("recording waits: memory-1.mcap: no storage space; mapping goes on, "), "{}", told[0]);
-    assert!(told[10].starts_with("recording goes on after 6"), "{}", told[10]);
+    assert!(
+        told[0].starts_with("recording waits: memory-1.mcap: no storage space; mapping continues, "),
+        "{}",
+        told[0]
+    );
+    assert!(told[10].starts_with("recording continues after 6"), "{}", told[10]);
     assert!(told[10].ends_with("; nothing is missing"), "{}", told[10]);
     let all = run.given;
     let (losses, records, damage) = run.finish();
@@ -164,7 +168,7 @@ fn the_room_that_others_need_is_left_to_them() {
     let before = size();
     run.run(30, Mood::Well);
     assert_eq!(run.disk.0.borrow().files[&1].len(), before);
-    assert!(run.notices[0].1.contains("99 MiB are free, and 100 shall stay free"), "{:?}", run.notices);
+    assert!(run.notices[0].1.contains("99 MiB are free, and 100 must stay free"), "{:?}", run.notices);
     run.disk.0.borrow_mut().free_bytes = Some(200 << 20);
     run.run(2, Mood::Well);
     let all = run.given;

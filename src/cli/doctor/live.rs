@@ -3,7 +3,7 @@
 use super::{DoctorArgs, host};
 use crate::cli::{Failure, Kind, config, terminal};
 use crate::doctor::{Examination, Finding, Level, Report};
-use crate::port::{self, PortName, Trouble};
+use crate::port::{self, PortError, PortName};
 use bytes::{Buf as _, Bytes};
 use slamd_core::config::Config;
 use slamd_core::time::Timestamp;
@@ -24,7 +24,7 @@ pub(super) fn examine(args: &DoctorArgs, name: &PortName) -> Result<(Report, boo
     let mut findings = host::findings(&args.out);
     let path = match name.resolve() {
         Ok(path) => path,
-        Err(trouble) => return Ok(unusable(findings, &trouble)),
+        Err(error) => return Ok(unusable(findings, &error)),
     };
     findings.extend(host::of_port(&path));
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
@@ -32,7 +32,7 @@ pub(super) fn examine(args: &DoctorArgs, name: &PortName) -> Result<(Report, boo
     let _guard = runtime.enter();
     let stream = match port::open(&path, args.baud) {
         Ok(stream) => stream,
-        Err(trouble) => return Ok(unusable(findings, &trouble)),
+        Err(error) => return Ok(unusable(findings, &error)),
     };
     let port = path.display().to_string();
     findings.push(Finding::ok("port.open", format!("{port} is open at {} baud", args.baud)));
@@ -52,8 +52,8 @@ pub(super) fn examine(args: &DoctorArgs, name: &PortName) -> Result<(Report, boo
     Ok((Report::new(findings, sensors), true))
 }
 
-fn unusable(mut findings: Vec<Finding>, trouble: &Trouble) -> (Report, bool) {
-    let words = trouble.to_string();
+fn unusable(mut findings: Vec<Finding>, error: &PortError) -> (Report, bool) {
+    let words = error.to_string();
     let (text, fix) = words.split_once("; ").unwrap_or((&words, "see `slamd ports`"));
     findings.push(Finding::new(Level::Problem, "port.open", text, fix));
     (Report::new(findings, Vec::new()), false)
