@@ -19,10 +19,10 @@ pub enum Listener {
 
 /// An address or path that cannot be listened on.
 #[derive(Debug, thiserror::Error)]
-#[error("{place}: {cause}")]
+#[error("{address}: {cause}")]
 pub struct ListenerError {
     /// The address or the file.
-    pub place: String,
+    pub address: String,
     /// Why, and what to do about it.
     pub cause: String,
 }
@@ -52,7 +52,7 @@ impl Listener {
     /// # Errors
     /// When the system refuses, another program listens there, or the path is not a socket.
     pub fn unix(path: &Path) -> Result<Self, ListenerError> {
-        let failure = |cause: String| ListenerError { place: path.display().to_string(), cause };
+        let failure = |cause: String| ListenerError { address: path.display().to_string(), cause };
         match std::fs::symlink_metadata(path) {
             Ok(there) if !there.file_type().is_socket() => {
                 return Err(failure("there is a file that is no socket; name another with --socket PATH".into()));
@@ -69,7 +69,7 @@ impl Listener {
 
     /// The address or path, for messages.
     #[must_use]
-    pub fn place(&self) -> String {
+    pub fn address(&self) -> String {
         match self {
             Self::Tcp(listener) => address(listener),
             Self::Unix(_, path) => path.display().to_string(),
@@ -92,7 +92,7 @@ fn bind(address: SocketAddr) -> Result<TcpListener, ListenerError> {
     };
     open().map_err(|error| {
         let cause = format!("{error}; is another slamd running? Another port can be given");
-        ListenerError { place: address.to_string(), cause }
+        ListenerError { address: address.to_string(), cause }
     })
 }
 

@@ -120,10 +120,10 @@ impl ServerState {
         });
         spawn_local(distribute(Rc::clone(&state)));
         for listener in listeners {
-            let (place, state) = (listener.place(), Rc::clone(&state));
+            let (address, state) = (listener.address(), Rc::clone(&state));
             spawn_local(async move {
                 if let Err(error) = accept_all(state, listener, token).await {
-                    tracing::error!("api: cannot accept connections on {place}: {error}");
+                    tracing::error!("api: cannot accept connections on {address}: {error}");
                 }
             });
         }

@@ -9,15 +9,15 @@ use slamd_capture::CaptureReader;
 use slamd_core::config::{Config, Method};
 use std::path::PathBuf;
 
-/// Learn a robot's wheels and sensors from a drive.
+/// Calibrate a robot's wheels and sensors from a drive.
 #[derive(Debug, Args)]
 pub(super) struct CalibrateArgs {
     /// A capture (MCAP) of some minutes of driving between walls.
     capture: PathBuf,
-    /// Write the robot's configuration, with what was learnt, to this file.
+    /// Write the robot's configuration with the results to this file.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Begin with this configuration instead of the capture's.
+    /// Start from this configuration instead of the capture's.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
 }
@@ -56,7 +56,7 @@ impl From<CalibrateError> for Failure {
     }
 }
 
-/// The report as a table.
+/// Prints the report as a table.
 fn say(report: &Report) {
     let wheels = &report.wheels;
     terminal::say(format_args!("wheel ratio {:.4} ± {:.4}", wheels.wheel_ratio, wheels.wheel_ratio_sigma));
@@ -81,7 +81,7 @@ fn say(report: &Report) {
         ));
     }
     terminal::say(
-        "What the sensors have in common is not observable in a drive and left out: a bias of all, a shift or a turn of the ring.",
+        "Not observable in a drive and left out: a bias that all sensors share, a shift or a rotation of the whole ring.",
     );
     for (count, what) in unknown.into_iter().zip(["range bias", "bearing offset"]).filter(|(count, _)| *count > 0) {
         terminal::say(format_args!("The {what} of {count} sensors is not observable in this drive (?)."));

@@ -12,9 +12,9 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
 pub(super) struct ReplayArgs {
-    /// A capture (MCAP): recorded with --record, simulated or imported; or a folder of captures, each replayed into a folder of --out.
+    /// A capture (MCAP): recorded with --record, simulated or imported; or a folder of captures, each replayed into its own folder in --out.
     file: PathBuf,
-    /// Captures of a folder replayed at once [default: one per core].
+    /// Number of captures of a folder to replay at once [default: one per core].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
     #[command(flatten)]
@@ -60,7 +60,7 @@ impl ReplayArgs {
         let is_watched = false;
         if self.kept.is_any() || is_watched {
             let text = format!(
-                "{} is a folder: --resume, --localize, --save-session, --session, --save-calibration and --viewer are for one capture",
+                "{} is a folder: --resume, --localize, --save-session, --session, --save-calibration and --viewer need a single capture",
                 self.file.display()
             );
             return Err(Failure::new(Kind::Usage, text));
@@ -69,7 +69,7 @@ impl ReplayArgs {
     }
 }
 
-/// A capture and the session that it is fed to, which writes into `folder`.
+/// Opens a capture, and a session for it that writes into `folder`.
 pub(super) fn open(
     file: &Path,
     kept: &StateArgs,

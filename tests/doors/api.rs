@@ -189,7 +189,7 @@ fn who_reads_nothing_is_dropped_and_the_pipeline_loses_nothing() {
     bad.ask("?WATCH={\"sweep_hz\":50,\"pose_hz\":50};");
     // Answers of 3 MB; whether all is taken does not matter.
     let _ = bad.stream.write_all("?VERSION;\n".repeat(40_000).as_bytes());
-    served.daemon.expect("it is too slow", SOON);
+    served.daemon.expect("dropped: too slow", SOON);
     bad.expect_end("too slow");
     // Nobody else has noticed.
     let (mut last, mut sweeps) = (None, 0);

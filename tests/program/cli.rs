@@ -131,9 +131,9 @@ fn a_session_is_begun_once_and_a_damaged_one_is_not_written_over() {
         slamd(&["replay", capture, "--out", out, "--session", session])
     };
     let (code, text) = again();
-    assert!(code == 0 && text.contains("there is no session yet") && session.exists(), "{code}: {text}");
+    assert!(code == 0 && text.contains("no session file yet") && session.exists(), "{code}: {text}");
     let (code, text) = again();
-    assert!(code == 0 && !text.contains("there is no session yet"), "{code}: {text}");
+    assert!(code == 0 && !text.contains("no session file yet"), "{code}: {text}");
     std::fs::write(&session, "this is no session").unwrap();
     let (code, text) = again();
     assert_eq!(code, 65, "{text}");

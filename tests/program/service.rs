@@ -127,7 +127,7 @@ fn it_is_ready_without_a_board_tells_its_state_and_feeds_the_watchdog() {
     let mut again = Daemon::run(program(folder.path(), place.to_str().unwrap()));
     let _board = Plugged::new(&folder.path().join("board"), Device::new(Board::broken(1, &["3:missing"]), 1));
     manager.expect("STATUS=streaming, 32 sensors, 1 faulty");
-    assert!(!again.has_said("there is no session yet"));
+    assert!(!again.has_said("no session file yet"));
     again.end();
 }
 

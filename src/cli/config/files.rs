@@ -3,7 +3,7 @@
 use crate::cli::{Failure, Kind};
 use std::path::{Path, PathBuf};
 
-/// Where a configuration is looked for that nobody has named: the user's, then the system's.
+/// The default paths of a configuration: the user's, then the system's.
 pub(super) fn places() -> Vec<PathBuf> {
     let folder = |variable: &str| std::env::var_os(variable).map(PathBuf::from).filter(|path| path.is_absolute());
     let user = folder("XDG_CONFIG_HOME").or_else(|| Some(folder("HOME")?.join(".config")));
@@ -11,10 +11,10 @@ pub(super) fn places() -> Vec<PathBuf> {
     folders.map(|folder| folder.join("slamd/slamd.toml")).collect()
 }
 
-/// The named file, or else the first place where there is one; then the `*.toml` of `config.d` beside it, in the order of their names.
+/// The named file, or else the first default path that exists; then the `*.toml` files of `config.d` beside it, in the order of their names.
 ///
 /// # Errors
-/// Where it cannot be told whether there is one.
+/// When a path or folder cannot be read.
 pub(super) fn files(named: Option<&Path>, places: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     let Some(first) = named.map_or_else(|| first(places), |named| Ok(Some(named.into())))? else {
         return Ok(Vec::new());
@@ -41,7 +41,7 @@ fn first(places: &[PathBuf]) -> Result<Option<PathBuf>, Failure> {
     Ok(None)
 }
 
-/// Editors leave files behind whose names begin with a dot.
+/// Files with a leading dot are left out: editors leave such files behind.
 fn is_configuration(path: &Path) -> bool {
     let is_hidden = path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
     !is_hidden && path.extension().is_some_and(|extension| extension == "toml")
@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_place_counts_and_its_folder_follows_in_order() {
+    fn the_first_existing_path_is_used_and_its_folder_follows_in_order() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
         let places = [path("home/slamd/slamd.toml"), path("etc/slamd/slamd.toml")];
@@ -71,7 +71,7 @@ mod tests {
         let system =
             ["slamd.toml", "config.d/20-wheels.toml", "config.d/3.toml"].map(|name| path("etc/slamd").join(name));
         assert_eq!(files(None, &places).unwrap(), system);
-        // A folder without the file beside it is none.
+        // A folder without the file beside it is ignored.
         std::fs::create_dir_all(path("home/slamd/config.d")).unwrap();
         assert_eq!(files(None, &places).unwrap(), system);
         std::fs::write(path("home/slamd/slamd.toml"), "").unwrap();

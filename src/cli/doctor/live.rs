@@ -1,4 +1,4 @@
-//! The board at a port, for some seconds.
+//! Examines the board at a port for some seconds.
 
 use super::{DoctorArgs, host};
 use crate::cli::{Failure, Kind, config, terminal};
@@ -12,11 +12,11 @@ use std::time::{Duration, Instant};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio_serial::{SerialPort as _, SerialStream};
 
-/// Where nothing valid arrives, all usual baud rates are listened to: it takes this long.
-const SWEEP_S: f64 = 20.0;
+/// Time to try all usual baud rates, which is needed if no valid frame arrives, seconds.
+const BAUD_SCAN_S: f64 = 20.0;
 const CHUNK: usize = 4096;
-/// The bar moves this often.
-const SHOW: Duration = Duration::from_millis(100);
+/// Update period of the progress bar.
+const BAR_PERIOD: Duration = Duration::from_millis(100);
 
 /// The report, and whether the port could be used.
 pub(super) fn examine(args: &DoctorArgs, name: &PortName) -> Result<(Report, bool), Failure> {
@@ -66,8 +66,8 @@ enum Wake {
     Deadline,
 }
 
-/// Listens for as long as asked; why the port went away, where it did.
-#[expect(clippy::disallowed_methods, reason = "here time becomes an input")]
+/// Examines the board for the given time. Also returns why the port was lost, if it was.
+#[expect(clippy::disallowed_methods, reason = "the clock's time becomes an input here")]
 async fn listen(args: &DoctorArgs, config: &Config, stream: SerialStream, port: &str) -> (Examination, Option<String>) {
     let mut examination = Examination::new(config, args.baud, port);
     let begin = Instant::now();
@@ -78,13 +78,13 @@ async fn listen(args: &DoctorArgs, config: &Config, stream: SerialStream, port: 
     let mut chunk = vec![0; CHUNK];
     loop {
         let elapsed_s = now().seconds();
-        let length_s = if examination.has_frames() { args.seconds } else { args.seconds.max(SWEEP_S) };
+        let length_s = if examination.has_frames() { args.seconds } else { args.seconds.max(BAUD_SCAN_S) };
         if elapsed_s >= length_s {
             bar.finish_and_clear();
             return (examination, None);
         }
         terminal::show(&bar, elapsed_s);
-        let deadline = examination.next_deadline().min(now() + SHOW);
+        let deadline = examination.next_deadline().min(now() + BAR_PERIOD);
         let deadline = begin + Duration::from_micros(deadline.us());
         let wake = tokio::select! {
             read = reader.read(&mut chunk) => Wake::Read(read),
@@ -129,7 +129,7 @@ async fn listen(args: &DoctorArgs, config: &Config, stream: SerialStream, port: 
     }
 }
 
-/// Never ready where there is nothing to write.
+/// Writes the frame; never completes if there is none.
 async fn write(writer: &mut tokio::io::WriteHalf<SerialStream>, frame: Option<&Bytes>) -> std::io::Result<usize> {
     match frame {
         Some(frame) => writer.write(frame).await,
