@@ -8,10 +8,8 @@ mod options;
 use allocation_counter::measure;
 use hdrhistogram::Histogram;
 use indicatif::ProgressBar;
-use slamd_core::event::Input;
-use slamd_core::geometry::Point;
-use slamd_core::pipeline::Pipeline;
-use slamd_publish::{Curve, Plot};
+use slamd_core::{Input, Pipeline, Point};
+use slamd_eval::plot::{Curve, Plot, to_png};
 use slamd_testkit::lattice::{Drive, Plan, drain};
 use std::fmt::Write as _;
 use std::path::Path;
@@ -23,7 +21,7 @@ const BUILDINGS: [(&str, Plan); 3] = [
     ("10,000 m2", Plan { lines: 20, pitch_m: 5.0 }),
     ("1 km2, sparse", Plan { lines: 10, pitch_m: 110.0 }),
 ];
-const INKS: [[u8; 4]; 3] = [[30, 90, 200, 255], [200, 80, 20, 255], [40, 140, 60, 255]];
+const INKS: [[u8; 3]; 3] = [[30, 90, 200], [200, 80, 20], [40, 140, 60]];
 const SWEEPS_PER_HOUR: f64 = 36_000.0;
 const PARTS: u32 = 10;
 
@@ -97,8 +95,8 @@ fn run(plan: Plan, hours: f64, bar: &ProgressBar) -> (Vec<Part>, f64, Drive) {
 fn main() {
     let hours: f64 = options::number("--hours", 10.0);
     let bar = ProgressBar::new(3 * u64::from(PARTS));
-    let (mut text, mut curves) = (String::new(), Vec::new());
-    for ((name, plan), ink) in BUILDINGS.into_iter().zip(INKS) {
+    let (mut text, mut times, mut heaps) = (String::new(), Vec::new(), Vec::new());
+    for ((name, plan), rgb) in BUILDINGS.into_iter().zip(INKS) {
         let (parts, explored_m2, drive) = run(plan, hours, &bar);
         let (lap_h, counters) = (drive.lap_h(), drive.pipeline.counters());
         let _ = writeln!(
@@ -128,21 +126,26 @@ fn main() {
         let heap = parts.last().map_or(0, |part| part.heap_bytes) as f64;
         let _ = writeln!(text, "\n{:.0} bytes of heap per explored m2", heap / explored_m2.max(1.0));
         let points = |of: fn(&Part) -> f64| parts.iter().map(|part| Point::new(part.hours, of(part))).collect();
-        curves.push(Curve { name, ink, is_dashed: false, points: points(|part| part.p50_us) });
-        curves.push(Curve {
-            name: "heap",
-            ink,
-            is_dashed: true,
-            points: points(|part| part.heap_bytes as f64 / 1_048_576.0),
-        });
+        let curve = |points| Curve { name, rgb, is_dashed: false, points };
+        times.push(curve(points(|part| part.p50_us)));
+        heaps.push(curve(points(|part| part.heap_bytes as f64 / 1_048_576.0)));
     }
     bar.finish_and_clear();
     println!("{text}");
     if options::has("--out") {
         let folder = options::text("--out", "");
-        let title = "Median time of a sweep, and heap, while driving on".to_owned();
-        let (x_label, y_label) = ("hours", "us, MiB");
-        let picture = Plot { title, x_label, y_label, curves, ..Plot::default() }.to_png().expect("a picture");
+        let plot = |title: &str, y_label, curves| Plot {
+            title: title.into(),
+            x_label: "time [h]",
+            y_label,
+            curves,
+            ..Plot::default()
+        };
+        let plots = [
+            plot("Median time of a sweep", "time of a sweep [us]", times),
+            plot("Heap of the pipeline", "heap [MiB]", heaps),
+        ];
+        let picture = to_png(&plots).expect("a picture");
         std::fs::write(Path::new(&folder).join("growth.png"), picture).expect("the folder can be written");
     }
 }

@@ -9,7 +9,7 @@ mod workload;
 
 use gungraun::prelude::*;
 use gungraun::{Callgrind, EventKind};
-use slamd_core::config::Method;
+use slamd_core::Method;
 use std::hint::black_box;
 use workload::Drive;
 

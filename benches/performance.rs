@@ -6,7 +6,7 @@
 mod options;
 mod workload;
 
-use slamd_core::config::Method;
+use slamd_core::Method;
 use slamd_eval::bench::machine;
 use slamd_eval::bench::report::{BY_HAND, by_hand};
 use std::collections::BTreeMap;

@@ -5,7 +5,7 @@
 mod workload;
 
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
-use slamd_core::config::Method;
+use slamd_core::Method;
 use std::hint::black_box;
 use std::time::Duration;
 use workload::{CAPTURES, Drive};

@@ -10,7 +10,7 @@ use rustix::time::{ClockId, clock_gettime};
 use slamd::source::replay::step;
 use slamd::source::session::Session;
 use slamd_capture::CaptureReader;
-use slamd_core::config::Config;
+use slamd_core::Config;
 use slamd_testkit::haste::Haste;
 use slamd_viewer::{Identity, Viewer};
 use std::cell::Cell;
@@ -82,7 +82,7 @@ fn play(kind: Kind, speed: f64) -> Cost {
     let mut capture = CaptureReader::open(&path).expect("the committed capture");
     let config = Config::from_toml(&capture.info().config_toml).expect("its configuration");
     let mut session = Session::new(
-        slamd_paper::pipeline(&config, slamd_core::pipeline::Start::Fresh)
+        slamd_paper::pipeline(&config, slamd_core::Start::Fresh)
             .expect("a fresh start holds nothing that could be refused"),
         &folder.path().join("out"),
     )

@@ -1,4 +1,4 @@
-//! What the method makes of recordings of real robots: `cargo run --release --example real_data -- [DATA] [DOCS]`
+//! Runs the methods on recordings of real robots: `cargo run --release --example real_data -- [DATA] [DOCS]`
 //!
 //! Reads the recordings in DATA (`../shared/data`), runs them through import and pipeline, and writes `real-data.md` and
 //! `corridor.png` into DOCS (`docs`). Needs the program `xz`.
@@ -10,10 +10,7 @@ use flate2::read::GzDecoder;
 use slamd::source::replay::replay;
 use slamd::source::session::Session;
 use slamd_capture::CaptureReader;
-use slamd_core::config::{Config, Method};
-use slamd_core::driver::{Driver, Update};
-use slamd_core::event::Event;
-use slamd_core::geometry::{Pose2, wrap_angle};
+use slamd_core::{Config, Driver, Event, Method, Pose2, Update, wrap_angle};
 use slamd_eval::import::{carmen, ring};
 use slamd_metrics::{Relation, RelationError, relation_error};
 use std::fmt::Write as _;
@@ -43,7 +40,7 @@ fn main() -> Result<(), Failure> {
     Ok(())
 }
 
-/// A pose and the encoders' pose at each sweep, seconds on the capture's clock.
+/// The estimated pose and the odometry pose at each sweep, with seconds on the capture's clock.
 #[derive(Default)]
 struct Run {
     poses: Vec<(f64, Pose2)>,
@@ -52,7 +49,7 @@ struct Run {
 
 impl Run {
     fn of(capture: &Path, config: &Config, method: Method) -> Result<Self, Failure> {
-        let pipeline = slamd_paper::pipeline(&Config { method, ..config.clone() }, slamd_core::pipeline::Start::Fresh)
+        let pipeline = slamd_paper::pipeline(&Config { method, ..config.clone() }, slamd_core::Start::Fresh)
             .expect("a fresh start has no saved state that could be refused");
         let (mut driver, mut run) = (Driver::new(pipeline), Self::default());
         for record in CaptureReader::open(capture)? {
@@ -70,7 +67,7 @@ impl Run {
     }
 }
 
-/// A laser log as a ring of 17 sensors, as single beams and as cones, against the relations of its benchmark.
+/// Compares a laser log, as a ring of 17 single beams and of 17 cones, with its benchmark's relations.
 fn building(name: &str, log: &str, relations: &str, reference: &str, page: &mut String) -> Result<(), Failure> {
     let relations: Vec<Relation> = relations.lines().filter_map(Relation::parse).collect();
     let lines = lines(log)?;
@@ -108,24 +105,25 @@ fn building(name: &str, log: &str, relations: &str, reference: &str, page: &mut 
                 row("raw odometry", relation_error(&raw, &relations))?;
                 row("laser SLAM (GMapping), for scale", relation_error(&sorted(reference.clone()), &relations))?;
             }
-            let poses = on_their_clock(&run, &lines);
+            let poses = poses_at_lines(&run, &lines);
             row(&format!("{method:?}, {cone}"), relation_error(&poses, &relations))?;
         }
     }
     Ok(())
 }
 
-/// A line with the encoders' pose.
-struct Line {
-    /// The log's own stamp, which may step back, and the capture's time of it, which does not; seconds.
+/// A log line with an odometry pose.
+struct OdometryLine {
+    /// The log's stamp, seconds, which may step back.
     stamp_s: f64,
+    /// Time in the capture, seconds, which never steps back.
     capture_s: f64,
     odometry: Pose2,
 }
 
-/// The lines of a CARMEN log that hold odometry, in their order, with the capture's times as the import makes them.
-fn lines(log: &str) -> Result<Vec<Line>, Failure> {
-    let (mut lines, mut last_s): (Vec<Line>, f64) = (Vec::new(), 0.0);
+/// The odometry lines of a CARMEN log, in file order, with the same capture times as in the import.
+fn lines(log: &str) -> Result<Vec<OdometryLine>, Failure> {
+    let (mut lines, mut last_s): (Vec<OdometryLine>, f64) = (Vec::new(), 0.0);
     for line in log.lines() {
         let fields: Vec<&str> = line.split_whitespace().collect();
         let number = |column: usize| -> Result<f64, Failure> { Ok(fields.get(column).ok_or("a short line")?.parse()?) };
@@ -138,13 +136,13 @@ fn lines(log: &str) -> Result<Vec<Line>, Failure> {
         let since_s = stamp_s - lines.first().map_or(stamp_s, |first| first.stamp_s);
         last_s = if since_s < last_s { last_s + 1e-3 } else { since_s };
         let odometry = Pose2::new(number(pose)?, number(pose + 1)?, number(pose + 2)?);
-        lines.push(Line { stamp_s, capture_s: last_s, odometry });
+        lines.push(OdometryLine { stamp_s, capture_s: last_s, odometry });
     }
     Ok(lines)
 }
 
-/// The pose at each line, on the log's own clock: that of the last sweep, carried on by the encoders.
-fn on_their_clock(run: &Run, lines: &[Line]) -> Vec<(f64, Pose2)> {
+/// The pose at each line, on the log's clock: the pose of the last sweep plus the odometry since.
+fn poses_at_lines(run: &Run, lines: &[OdometryLine]) -> Vec<(f64, Pose2)> {
     const SAME_S: f64 = 5e-4;
     let mut base: Option<(usize, Pose2)> = None;
     let mut poses = Vec::new();
@@ -166,7 +164,7 @@ fn sorted(mut poses: Vec<(f64, Pose2)>) -> Vec<(f64, Pose2)> {
     poses
 }
 
-/// The mines rover: how far apart start and end are.
+/// The mines rover: the distance between start and end.
 fn closing(data: &Path, page: &mut String) -> Result<(), Failure> {
     let file = data.join("mines_rover_exp1/exp1.dat.xz");
     let output = std::process::Command::new("xz").arg("-dc").arg(file).output()?;
@@ -193,7 +191,7 @@ fn closing(data: &Path, page: &mut String) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The corridor: its picture.
+/// The corridor: its map.
 fn corridor(data: &Path, docs: &Path, page: &mut String) -> Result<(), Failure> {
     let text = |file: &str| std::fs::read_to_string(data.join("corridor_sonar8").join(file));
     let mut csv = Vec::new();
@@ -210,7 +208,7 @@ fn corridor(data: &Path, docs: &Path, page: &mut String) -> Result<(), Failure> 
     });
     let farthest_m = apart_m.fold(0.0, f64::max);
     let mut session = Session::new(
-        slamd_paper::pipeline(&config, slamd_core::pipeline::Start::Fresh)
+        slamd_paper::pipeline(&config, slamd_core::Start::Fresh)
             .expect("a fresh start holds nothing that could be refused"),
         &folder.path().join("out"),
     )?;

@@ -1,11 +1,12 @@
-//! Public recordings → the ring CSV that `slamd import ring` takes.
+//! Converts public recordings to the ring CSV of `slamd import ring`.
 //!
 //! ```sh
-//! # Eight sonars and poses in a corridor; the ticks are synthesised from the poses with the wheels of configs/corridor8.toml.
+//! # Eight sonars and poses in a corridor. The ticks are computed from the poses, with the wheels of
+//! # configs/corridor8.toml.
 //! cargo run --example recordings -- corridor measurement.txt poses.txt > corridor.csv
 //! slamd import ring corridor.csv --config configs/corridor8.toml --capture corridor.mcap
 //!
-//! # 24 sonars round a SCITOS G5, nine rows a second, no odometry.
+//! # 24 sonars around a SCITOS G5, nine rows per second, no odometry.
 //! cargo run --example recordings -- scitos sensor_readings_24.csv > scitos.csv
 //! slamd import ring scitos.csv --config configs/scitos24.toml --capture scitos.mcap
 //!

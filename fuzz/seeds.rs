@@ -5,7 +5,7 @@ use std::path::Path;
 
 fn main() -> std::io::Result<()> {
     let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus");
-    for (target, seeds) in fuzzing::Corpus::new().seeds() {
+    for (target, seeds) in fuzzing::Corpus::build().seeds() {
         let folder = corpus.join(target);
         std::fs::create_dir_all(&folder)?;
         for (number, seed) in seeds.iter().enumerate() {

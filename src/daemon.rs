@@ -6,8 +6,10 @@ use crate::session_file::Saver;
 use crate::source::live::LiveSession;
 use crate::source::session::Session;
 use bytes::Bytes;
-use slamd_core::link::{Link, LinkState, Remedy};
-use slamd_core::time::Timestamp;
+use slamd_core::{
+    Timestamp,
+    link::{Link, LinkState, Remedy},
+};
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::pin::Pin;
 use std::sync::Arc;

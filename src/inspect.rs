@@ -6,8 +6,7 @@
 
 use serde::Serialize;
 use slamd_capture::{CaptureError, CaptureReader, Record};
-use slamd_core::board::Board;
-use slamd_core::time::Timestamp;
+use slamd_core::{Board, Timestamp};
 use slamd_protocol::{Echo, FrameDecoder, Message, Sonar, kind};
 use std::collections::BTreeMap;
 use std::fmt;

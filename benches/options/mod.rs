@@ -3,7 +3,6 @@
 #![allow(dead_code, unreachable_pub, reason = "each bench uses its part")]
 
 use std::fmt::Debug;
-use std::ops::RangeInclusive;
 use std::str::FromStr;
 
 /// True where the option is there.
@@ -24,14 +23,4 @@ pub fn text(name: &str, default: &str) -> String {
 pub fn number<T: FromStr<Err: Debug>>(name: &str, default: T) -> T {
     let mut arguments = std::env::args().skip_while(|argument| argument != name);
     arguments.nth(1).map_or(default, |number| number.parse().expect("a number"))
-}
-
-/// `--seeds FIRST-LAST`.
-///
-/// # Panics
-/// Where they are none.
-pub fn seeds(default: &str) -> RangeInclusive<u64> {
-    let seeds = text("--seeds", default);
-    let (first, last) = seeds.split_once('-').expect("--seeds FIRST-LAST");
-    first.parse().expect("a seed")..=last.parse().expect("a seed")
 }

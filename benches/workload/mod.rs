@@ -3,20 +3,12 @@
 #![allow(dead_code, unreachable_pub, reason = "each bench associations its part")]
 
 use slamd_capture::{CaptureReader, Record};
-use slamd_core::align::Aligner;
-use slamd_core::align::track::Wheels;
-use slamd_core::config::{Config, Method};
-use slamd_core::event::{Estimate, Event, Input, Output};
-use slamd_core::fault::detector::Detector;
-use slamd_core::fault::pca::PcaBlock;
-use slamd_core::geometry::Ring;
-use slamd_core::mapping::cone::{self, ReturnKind};
-use slamd_core::mapping::grid::OccupancyGrid;
-use slamd_core::orientation::dominant_directions::DominantDirections;
-use slamd_core::pipeline::Pipeline;
-use slamd_core::position::ekf_slam::EkfSlam;
-use slamd_core::sweep::Sweep;
-use slamd_core::time::Timestamp;
+use slamd_core::{
+    Config, Estimate, Event, Input, Method, Output, Pipeline, Ring, Sweep, Timestamp,
+    stages::{
+        Aligner, Detector, DominantDirections, EkfSlam, OccupancyGrid, PcaBlock, ReturnKind, Wheels, integrate_beam,
+    },
+};
 use slamd_protocol::{FrameDecoder, Message};
 use slamd_publish::Outputs;
 use std::path::{Path, PathBuf};
@@ -52,7 +44,7 @@ impl Drive {
         let mut config = Config::from_toml(&reader.info().config_toml).expect("its configuration");
         config.method = method;
         let records: Vec<Record> = reader.by_ref().map(|record| record.expect("it is whole")).collect();
-        let mut pipeline = slamd_paper::pipeline(&config, slamd_core::pipeline::Start::Fresh)
+        let mut pipeline = slamd_paper::pipeline(&config, slamd_core::Start::Fresh)
             .expect("a fresh start holds nothing that could be refused");
         pipeline.keep_sweeps();
         let mut events = Vec::new();
@@ -171,13 +163,7 @@ impl Drive {
                     _ if beam.is_clear() => (self.config.ring.max_range_m, ReturnKind::Nothing),
                     _ => continue,
                 };
-                cone::integrate_beam(
-                    &mut grid,
-                    estimate.pose * beam.robot_from_sensor,
-                    beam.half_angle_rad,
-                    range_m,
-                    kind,
-                );
+                integrate_beam(&mut grid, estimate.pose * beam.robot_from_sensor, beam.half_angle_rad, range_m, kind);
             }
         }
         grid.refused()
@@ -194,7 +180,7 @@ impl Drive {
 
     /// All of it but the files.
     pub fn pipeline(&self) -> u64 {
-        let mut pipeline = slamd_paper::pipeline(&self.config, slamd_core::pipeline::Start::Fresh)
+        let mut pipeline = slamd_paper::pipeline(&self.config, slamd_core::Start::Fresh)
             .expect("a fresh start holds nothing that could be refused");
         run(&mut pipeline, &self.records, drop);
         pipeline.counters().sweeps

@@ -1,7 +1,6 @@
-//! The formats of public recordings, each written as the ring CSV.
+//! Converts the formats of public recordings to the ring CSV.
 
-use slamd_core::config::Config;
-use slamd_core::geometry::Pose2;
+use slamd_core::{Config, Pose2};
 use slamd_eval::import::WheelTicks;
 use std::error::Error;
 use std::io::Write;
@@ -13,12 +12,13 @@ fn header(sensors: usize, out: &mut impl Write) -> std::io::Result<()> {
     writeln!(out, "t_s,left_ticks,right_ticks,{}", names.join(","))
 }
 
-fn numbers(line: &str, least: usize) -> Result<Vec<f64>, Failure> {
+fn numbers(line: &str, min: usize) -> Result<Vec<f64>, Failure> {
     let numbers: Vec<f64> = line.split_whitespace().map(str::parse).collect::<Result<_, _>>()?;
-    if numbers.len() < least { Err(format!("`{line}`: fewer than {least} numbers").into()) } else { Ok(numbers) }
+    if numbers.len() < min { Err(format!("`{line}`: fewer than {min} numbers").into()) } else { Ok(numbers) }
 }
 
-/// `t_ms s0..s7` in millimetres, 5110 for no echo, and `t_ms x_mm y_mm theta` with theta in tenths of a degree.
+/// Converts `t_ms s0..s7` in millimetres, with 5110 for no echo, and `t_ms x_mm y_mm theta` with theta
+/// in tenths of a degree.
 pub(crate) fn corridor(measurement: &str, poses: &str, out: &mut impl Write) -> Result<(), Failure> {
     let config = Config::from_toml(include_str!("../../configs/corridor8.toml"))?;
     let mut wheels = WheelTicks::new(&config.robot).ok_or("no ticks_per_turn")?;
@@ -35,7 +35,7 @@ pub(crate) fn corridor(measurement: &str, poses: &str, out: &mut impl Write) -> 
     Ok(())
 }
 
-/// `S1,..,S24,class` in metres, from 5 on no echo; nine rows a second.
+/// Converts `S1,..,S24,class` in metres, where 5 and more is no echo, at nine rows per second.
 #[allow(dead_code, reason = "one of the two examples does not use it")]
 pub(crate) fn scitos(csv: &str, out: &mut impl Write) -> Result<(), Failure> {
     header(24, out)?;
@@ -50,7 +50,8 @@ pub(crate) fn scitos(csv: &str, out: &mut impl Write) -> Result<(), Failure> {
     Ok(())
 }
 
-/// `t_us _ left right ..` and from token 24 on 682 ranges in millimetres from -120 to 120 degrees; below 20 they are error codes.
+/// Converts `t_us _ left right ..` and, from token 24 on, 682 ranges in millimetres from -120 to 120
+/// degrees. Values below 20 are error codes.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a beam from 0 to 681")]
 pub(crate) fn mines(dat: &str, out: &mut impl Write) -> Result<(), Failure> {
     header(21, out)?;

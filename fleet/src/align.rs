@@ -1,22 +1,22 @@
-//! Where a robot's map lies on the others', when nobody knows where it began.
+//! Aligns a robot's map with the others', when its start is unknown.
 //!
 //! 1. **Orientation by Hough transform.** The solid cells of either map vote for lines; their directions, folded by 90 degrees, give the axis of the
 //!    building in each. That leaves four turns.
-//! 2. **Place by correlation.** Under each of the four turns the map is laid onto the others at every cell, by branch and bound
-//!    ([`slamd_core::localize::search`]): what is solid on what is solid counts for a place, solid on surely free floor against it.
-//! 3. **Believed or not.** The score of the best place is 1 for a perfect fit and 0 where nothing that is known is touched; the second best's, elsewhere,
-//!    must stay behind by a margin. And the other way round, the others' map laid onto this one, must come to the same place. Otherwise the robot stays
-//!    out, and that is said.
+//! 2. **Translation by correlation.** A branch-and-bound search ([`slamd_core::localize::search`]) tries
+//!    every translation under each of the four rotations. Occupied cells on occupied cells count for a
+//!    pose, occupied cells on free cells against it.
+//! 3. **Acceptance.** The score of the best pose is 1 for a perfect fit and 0 without overlap. It must
+//!    exceed the score of the second-best pose, elsewhere, by a margin. The search in the other direction,
+//!    of the others' map in this one, must give the same pose. Otherwise the robot's map is not merged,
+//!    and the reason is reported.
 
 use crate::merge::{Merged, Placement};
 use crate::wire::{Grid, WireError};
-use slamd_core::geometry::{Point, Pose2, wrap_angle};
-use slamd_core::localize::search::Searcher;
-use slamd_core::mapping::raster::Raster;
+use slamd_core::{Point, Pose2, Raster, wrap_angle, stages::Searcher};
 use slamd_paper::hough::HoughLines;
 use std::f64::consts::TAU;
 
-/// A place that is believed.
+/// An accepted alignment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Alignment {
     /// `site_from_map`.
@@ -27,7 +27,7 @@ pub struct Alignment {
     pub second: f64,
 }
 
-/// Why no place is believed.
+/// Why no alignment is accepted.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Doubt {
     /// Too little is known of one of the maps.
@@ -119,12 +119,12 @@ fn score_above(new: &Raster) -> Result<impl Fn(f64) -> f64 + use<>, Doubt> {
 #[must_use]
 pub fn axis(map: &Raster) -> Option<f64> {
     let middle = |cells: usize| 0.5 * cells as f64;
-    let place = |cell: usize| {
+    let centre = |cell: usize| {
         let (column, row) = (cell % map.width, cell / map.width);
         Point::new(column as f64 + 0.5 - middle(map.width), row as f64 + 0.5 - middle(map.height)) * map.cell_m
     };
     let solid = map.occupancy.iter().enumerate().filter(|(_, percent)| **percent >= SOLID);
-    let points: Vec<Point> = solid.map(|(cell, _)| place(cell)).collect();
+    let points: Vec<Point> = solid.map(|(cell, _)| centre(cell)).collect();
     if points.len() < MIN_SOLID {
         return None;
     }

@@ -1,8 +1,8 @@
-//! The only clock: how long to wait. No result depends on it.
+//! The only clock, used for waiting. No result depends on it.
 
 use std::time::Duration;
 
-/// A moment to measure from.
+/// A point in time to measure from.
 #[derive(Clone, Copy, Debug)]
 pub struct Moment(std::time::Instant);
 

@@ -1,8 +1,8 @@
-//! `fleet.toml`: which robots belong to a site, and where each begins its drives, where that is known.
+//! `fleet.toml`: the robots of a site, and the start pose of each, if known.
 
 use crate::name::Name;
 use serde::Deserialize;
-use slamd_core::geometry::Pose2;
+use slamd_core::Pose2;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -13,7 +13,7 @@ pub struct FleetFile {
     /// Side of a cell of the merged map, metres.
     #[serde(default = "cell_m")]
     cell_m: f64,
-    /// The robots; nobody else is let in.
+    /// The robots. Others are refused.
     robots: BTreeMap<Name, Robot>,
 }
 
@@ -21,11 +21,11 @@ pub struct FleetFile {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Robot {
-    /// Where its drives begin; its map is laid onto the others' where this is missing.
+    /// Start pose of its drives. If it is missing, its map is aligned with the others'.
     pub start: Option<StartPose>,
 }
 
-/// Where a robot begins its drives, on the site.
+/// A robot's start pose on the site.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StartPose {
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_said() {
+    fn errors_name_the_invalid_value() {
         let words = |text: &str| FleetFile::from_toml(text).unwrap_err();
         assert!(words("[robots]").contains("0 robots"));
         assert!(words("cell_m = 3.0\n[robots.a]").contains("0.01 to 1"));

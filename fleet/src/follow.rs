@@ -1,4 +1,4 @@
-//! A capture that is still being written, read to its end and beyond: at the end it waits for more.
+//! Reads a capture that is still being written. At the file's end the reader waits for more.
 
 use crate::clock::wait;
 use std::fs::File;
@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
-/// What is shared with whoever follows a file.
+/// Control of a [`Follow`] reader from other threads.
 #[derive(Clone, Debug, Default)]
 pub struct Grip {
     is_over: Arc<AtomicBool>,
@@ -16,7 +16,7 @@ pub struct Grip {
 }
 
 impl Grip {
-    /// Nothing more will be written: what is there is read, and then the end is the end.
+    /// Declares the file complete: the reader ends at the file's end.
     pub fn end(&self) {
         self.is_over.store(true, Ordering::Release);
     }
@@ -27,21 +27,21 @@ impl Grip {
         self.is_over.load(Ordering::Acquire)
     }
 
-    /// Bytes that have been read.
+    /// Number of bytes read.
     #[must_use]
     pub fn read(&self) -> u64 {
         self.read.load(Ordering::Acquire)
     }
 }
 
-/// A growing file as a reader.
+/// A reader of a growing file.
 #[derive(Debug)]
 pub struct Follow {
     file: File,
     grip: Grip,
 }
 
-/// How soon new bytes are seen.
+/// Polling period for new bytes.
 const LOOK: Duration = Duration::from_millis(20);
 
 impl Follow {
@@ -57,7 +57,7 @@ impl Follow {
 impl Read for Follow {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         loop {
-            // Asked first: what was written before the end was said is still read.
+            // Test before reading, so that bytes written before the end was declared are still read.
             let is_over = self.grip.is_over();
             let count = self.file.read(buffer)?;
             self.grip.read.fetch_add(count as u64, Ordering::AcqRel);

@@ -1,18 +1,15 @@
-//! Maps → one map: the sum of whole numbers, cell by cell.
+//! Merges maps into one: the sum of integers, cell by cell.
 //!
 //! `merged(cell) = Σ over robots of log_odds(cell of the robot's map that the cell's middle lies in)`
 //!
-//! Of each robot only the newest map counts, and what is newest is a total order ([`Grid`]). So the result is a function of the set of maps that have
-//! come in: their order, repetitions and whatever was lost and refilled change nothing, bit for bit. All arithmetic from the placement on is in
-//! integers; sums saturate only where they are written as a picture.
+//! Only the newest map of each robot counts, in a total order ([`Grid`]). So the result depends only on
+//! the set of received maps, bit for bit, and not on order, repetition, loss or refill. All arithmetic
+//! after the placement is in integers. Sums are clamped only when they are written as an image.
 
 use crate::name::Name;
 use crate::wire::{Grid, SIDE, TILE, Tile, VERSION, WireError};
 use serde::Serialize;
-use slamd_core::geometry::Pose2;
-use slamd_core::mapping::grid::OccupancyGrid;
-use slamd_core::mapping::raster::Raster;
-use slamd_core::saved_state::{MapState, TileState};
+use slamd_core::{Pose2, Raster, saved_state::{MapState, TileState}, stages::OccupancyGrid};
 use std::collections::BTreeMap;
 
 /// The newest map of each robot.
@@ -20,7 +17,7 @@ use std::collections::BTreeMap;
 pub struct Newest(BTreeMap<Name, Grid>);
 
 impl Newest {
-    /// Takes a map, if it is newer than the robot's last one; true where it is.
+    /// Stores a map if it is newer than the robot's last one. Returns true if it is.
     pub fn take(&mut self, robot: &Name, grid: Grid) -> bool {
         let is_newer = self.0.get(robot).is_none_or(|known| *known < grid);
         if is_newer {
@@ -29,7 +26,7 @@ impl Newest {
         is_newer
     }
 
-    /// A robot's.
+    /// The newest map of a robot.
     #[must_use]
     pub fn get(&self, robot: &Name) -> Option<&Grid> {
         self.0.get(robot)
@@ -41,7 +38,7 @@ impl Newest {
     }
 }
 
-/// Where a robot's map lies on the site, `site_from_map`, in whole numbers.
+/// The pose of a robot's map on the site, `site_from_map`, in integers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Placement {
     x_um: i64,
@@ -119,12 +116,12 @@ impl Merged {
         bytes
     }
 
-    /// As a picture's cells, the sums within what one robot may believe.
+    /// As an image's cells, with the sums clamped to the range of one robot's map.
     ///
     /// # Errors
-    /// Where the parts lie too far from each other for one picture.
+    /// When the parts are too far apart for one image.
     pub fn raster(&self) -> Result<Raster, WireError> {
-        // What slamd's own grid holds at most, so that pictures of one robot and of many mean the same.
+        // The limits of slamd's own grid, so that images of one robot and of many mean the same.
         let cell = |sum: &i32| i16::try_from((*sum).clamp(-320, 400)).unwrap_or_default();
         let normal = vec![[0; 2]; TILE.isqrt()];
         let tile = |(&(column, row), cells): (&(i32, i32), &Vec<i32>)| TileState {
@@ -138,7 +135,7 @@ impl Merged {
         Ok(grid.raster())
     }
 
-    /// Each cell of the site whose middle lies in a cell of the tile takes that cell's value.
+    /// Adds the value of each cell of the tile to the site's cells whose centres are in it.
     fn add_tile(&mut self, tile: &Tile, map_cell_um: i128, placement: &Placement) {
         let side = i128::from(SIDE);
         let (left, bottom) = (i128::from(tile.column) * side, i128::from(tile.row) * side);
@@ -162,7 +159,7 @@ impl Merged {
         }
     }
 
-    /// The site's columns and rows that a tile can touch; none where they are beyond all counting.
+    /// The site's columns and rows that a tile can overlap; `None` if they exceed the integers.
     fn reach(
         &self,
         left: i128,
@@ -174,8 +171,8 @@ impl Merged {
         let corners = [(0, 0), (side, 0), (0, side), (side, side)]
             .map(|(x, y)| placement.forward(2 * (left + x) * map_cell_um, 2 * (bottom + y) * map_cell_um));
         let range = |axis: usize| {
-            let places = corners.map(|corner| corner[axis].div_euclid(2 * i128::from(self.cell_um)));
-            let (low, high) = (places.iter().min()? - 1, places.iter().max()? + 1);
+            let indices = corners.map(|corner| corner[axis].div_euclid(2 * i128::from(self.cell_um)));
+            let (low, high) = (indices.iter().min()? - 1, indices.iter().max()? + 1);
             Some(i32::try_from(low).ok()?..=i32::try_from(high).ok()?)
         };
         Some([range(0)?, range(1)?])
@@ -184,8 +181,8 @@ impl Merged {
     #[expect(clippy::cast_sign_loss, reason = "a remainder is not negative")]
     fn cell(&mut self, column: i32, row: i32) -> &mut i32 {
         let key = (column.div_euclid(SIDE), row.div_euclid(SIDE));
-        let place = (row.rem_euclid(SIDE) * SIDE + column.rem_euclid(SIDE)) as usize;
-        &mut self.tiles.entry(key).or_insert_with(|| vec![0; TILE])[place]
+        let index = (row.rem_euclid(SIDE) * SIDE + column.rem_euclid(SIDE)) as usize;
+        &mut self.tiles.entry(key).or_insert_with(|| vec![0; TILE])[index]
     }
 }
 

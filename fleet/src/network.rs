@@ -1,4 +1,5 @@
-//! Zenoh, as a fleet uses it: endpoints that are named, no scouting by multicast, no gossip, passwords and rules beyond loopback.
+//! Zenoh as the fleet uses it: explicit endpoints, no multicast scouting, no gossip, and passwords and
+//! access rules beyond loopback.
 
 use crate::acl::access_control;
 use crate::clock::wait;
@@ -15,13 +16,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use zenoh::{Config, Session, Wait as _};
 
-/// A place to listen at or to connect to: `tcp/HOST:PORT`.
+/// An address to listen on or to connect to: `tcp/HOST:PORT`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Endpoint(String);
 
-/// A link that has been silent for so long is gone, milliseconds.
+/// Lease of a link without messages, milliseconds.
 const LEASE_MS: u64 = 3_000;
-/// A lost hub is tried again after so long, milliseconds.
+/// Period of reconnecting, milliseconds.
 const RETRY_MS: u64 = 1_000;
 const PATIENCE: Duration = Duration::from_secs(10);
 
@@ -53,8 +54,8 @@ impl Endpoint {
 pub fn listen(at: &Endpoint, site: &Name, fleet: &FleetFile, users: Option<&Path>) -> Result<Session, Failure> {
     if users.is_none() && !at.is_loopback() {
         let text = format!(
-            "--listen {} lets in whoever reaches this machine's network: name with --users a file of lines NAME:PASSWORD, a robot each, as \
-             `(umask 077; echo \"kitchen:$(openssl rand -hex 32)\" >> users)` makes them, or listen on tcp/127.0.0.1:7447 and come through `ssh -L`",
+            "--listen {} accepts anyone on this machine's network: give --users a file with one line NAME:PASSWORD per robot, as \
+             `(umask 077; echo \"kitchen:$(openssl rand -hex 32)\" >> users)` makes it, or listen on tcp/127.0.0.1:7447 and connect through `ssh -L`",
             at.0
         );
         return Err(Failure::new(Kind::Usage, text));
@@ -86,14 +87,14 @@ pub fn connect(to: &Endpoint, robot: &Name, password: Option<&Path>) -> Result<S
         set(&mut config, "transport/auth/usrpwd/password", &json!(password))?;
     }
     let is_connected = Arc::<AtomicBool>::default();
-    complain(to.clone(), Arc::clone(&is_connected));
+    warn_once(to.clone(), Arc::clone(&is_connected));
     let session = open(config, || format!("{} cannot be connected to", to.0));
     is_connected.store(true, Ordering::Release);
     session
 }
 
-/// Tells once that there is still no connection.
-fn complain(to: Endpoint, is_connected: Arc<AtomicBool>) {
+/// Logs once that there is still no connection.
+fn warn_once(to: Endpoint, is_connected: Arc<AtomicBool>) {
     std::thread::spawn(move || {
         wait(PATIENCE);
         if !is_connected.load(Ordering::Acquire) {
@@ -115,7 +116,7 @@ fn check_users(path: &Path, fleet: &FleetFile) -> Result<(), Failure> {
         )),
         (None, Some(_)) => Err(Failure::new(
             Kind::Config,
-            format!("{}: a line for somebody who is not in the fleet file", path.display()),
+            format!("{}: a line for a user who is not in the fleet file", path.display()),
         )),
         (None, None) => Ok(()),
     }
@@ -165,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_is_let_in_by_mistake() {
+    fn access_without_a_password_is_refused() {
         let (site, fleet) = ("home".parse().unwrap(), FleetFile::from_toml("[robots.kitchen]\n[robots.hall]").unwrap());
         let everywhere = "tcp/0.0.0.0:0".parse().unwrap();
         let failure = |users: Option<&Path>| listen(&everywhere, &site, &fleet, users).unwrap_err();

@@ -5,12 +5,7 @@
 use crate::session::SessionId;
 use crate::wire::{Grid, Pose, Range, Sweep, VERSION};
 use slamd_capture::{CaptureError, CaptureReader};
-use slamd_core::config::{Config, ConfigError};
-use slamd_core::driver::{Context, Driver, Record, Update};
-use slamd_core::event::{Estimate, Event};
-use slamd_core::geometry::Pose2;
-use slamd_core::pipeline::Start;
-use slamd_core::time::Timestamp;
+use slamd_core::{Config, ConfigError, Context, Driver, Estimate, Event, Pose2, Record, Start, Timestamp, Update};
 use std::io::Read;
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! Files with passwords: read only where nobody else can.
+//! Password files, which only their owner may read.
 
 use slamd_files::private;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ pub struct SecretError {
     cause: String,
 }
 
-/// A shorter password is guessed from one overheard login.
+/// Minimum length. A shorter password can be guessed from one recorded login.
 const SHORTEST: usize = 16;
 const LONGEST: usize = 1_024;
 const HOW: &str = "16 to 1,024 printable ASCII characters, as `openssl rand -hex 32` makes them";

@@ -1,4 +1,4 @@
-//! Which drive of a robot something belongs to: the same for everybody who holds its capture.
+//! The id of a robot's drive, computed from its capture.
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
@@ -10,7 +10,8 @@ use std::str::FromStr;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct SessionId {
-    /// When its first record was made, microseconds since 1970; since the session's zero where nobody looked at a wall clock.
+    /// Time of the first record, microseconds since 1970, or since the session's start if the wall-clock
+    /// time is unknown.
     began_us: u64,
     /// The beginning of a digest of what the capture says about itself, and of its first record: tells captures apart that began at once.
     mark: u32,
@@ -70,7 +71,7 @@ impl From<SessionId> for String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slamd_core::time::Timestamp;
+    use slamd_core::Timestamp;
 
     #[test]
     fn later_captures_are_greater_and_names_read_back() {

@@ -1,33 +1,34 @@
-//! The whole site: every robot's newest map in its place, and the one map of them all.
+//! The whole site: the pose of every robot's newest map, and the merged map.
 //!
-//! A function of the fleet file and the maps, with no memory: hub and offline union come to the same, bit for bit.
+//! It is a pure function of the fleet file and the maps, so hub and offline union give the same result,
+//! bit for bit.
 
 use crate::align::{Alignment, align};
 use crate::fleet_file::FleetFile;
 use crate::merge::{Merged, Newest, Placement};
 use crate::name::Name;
 use crate::wire::Grid;
-use slamd_core::geometry::{Pose2, nearest_quarter};
+use slamd_core::{Pose2, nearest_quarter};
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_2;
 use std::fmt;
 
-/// Where a robot's map lies.
+/// The placement of a robot's map.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Place {
-    /// There is none yet.
+    /// The robot has no map yet.
     NoMap,
-    /// The fleet file says where it begins.
+    /// The fleet file gives its start.
     Known(Pose2),
-    /// Nobody's start is known: this robot's map is the site's frame.
+    /// No robot's start is known, so this robot's map defines the site's frame.
     Frame,
-    /// Its map was laid onto the others'.
+    /// Its map was aligned with the others'.
     Found(Alignment),
-    /// It is not in the merged map, and why.
+    /// Its map is not merged, for this reason.
     Unknown(String),
 }
 
-/// Every robot's place, and the map.
+/// The placement of every robot's map, and the merged map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Site {
     /// The sum.
@@ -36,7 +37,8 @@ pub struct Site {
     pub places: BTreeMap<Name, Place>,
 }
 
-/// A start that is written down is so far off at most, radians: maps lie along the walls, and so does the site.
+/// Maximum heading error of a start in the fleet file, radians. Within it, the map's rotation is a
+/// multiple of 90 degrees, because maps and site are along the walls.
 const NEAR_RAD: f64 = 15.0 * std::f64::consts::PI / 180.0;
 
 impl Site {
@@ -58,11 +60,12 @@ impl Site {
                 (Some(grid), None) => open.push((name, grid)),
             }
         }
-        // Whoever finds a place makes the others' easier to find: they are tried again, in the order of names.
-        while let Some((place, alignment)) = open.iter().enumerate().find_map(|(place, (_, grid))| {
-            if site.merged.is_empty() { None } else { Some((place, align(&site.merged, grid).ok()?)) }
+        // Each merged map makes the others easier to align, so they are tried again, in the order of
+        // names.
+        while let Some((index, alignment)) = open.iter().enumerate().find_map(|(index, (_, grid))| {
+            if site.merged.is_empty() { None } else { Some((index, align(&site.merged, grid).ok()?)) }
         }) {
-            let (name, grid) = open.remove(place);
+            let (name, grid) = open.remove(index);
             site.put(name, grid, alignment.site_from_map, Place::Found(alignment));
         }
         for (name, grid) in open {

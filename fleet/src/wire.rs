@@ -5,9 +5,7 @@
 use crate::session::SessionId;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use slamd_core::geometry::Pose2;
-use slamd_core::mapping::grid::{OccupancyGrid, Patch};
-use slamd_core::saved_state::{MapState, TileState};
+use slamd_core::{Patch, Pose2, saved_state::{MapState, TileState}, stages::OccupancyGrid};
 
 /// The version of all that is below.
 pub const VERSION: u8 = 1;

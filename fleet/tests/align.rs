@@ -5,7 +5,7 @@
 mod drives;
 
 use drives::Drive;
-use slamd_core::geometry::{Pose2, wrap_angle};
+use slamd_core::{Pose2, wrap_angle};
 use slamd_fleet::align::{Alignment, Doubt, align, axis};
 use slamd_fleet::fleet_file::FleetFile;
 use slamd_fleet::merge::{Merged, Newest, Placement};

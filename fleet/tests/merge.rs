@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
 use proptest::prelude::*;
-use slamd_core::geometry::Pose2;
+use slamd_core::Pose2;
 use slamd_fleet::merge::{Merged, Newest, Placement};
 use slamd_fleet::name::Name;
 use slamd_fleet::session::SessionId;

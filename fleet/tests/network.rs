@@ -106,7 +106,7 @@ fn answer(session: &Session, key: &'static str, words: &'static str) {
 }
 
 #[test]
-fn nobody_answers_for_another_and_nobody_but_the_hub_asks() {
+fn robots_cannot_answer_for_others_and_only_the_hub_can_query() {
     for (has_users, for_kitchen) in [(false, vec!["attic's lie", "kitchen's own"]), (true, vec!["kitchen's own"])] {
         let site = Site::new(has_users);
         let (kitchen, attic) = (site.robot("kitchen"), site.robot("attic"));

@@ -58,7 +58,7 @@ impl Files {
         fs::set_permissions(self.at(name), fs::Permissions::from_mode(0o600)).unwrap();
     }
 
-    /// Captures, passwords and the fleet file: the attic's start is known to nobody.
+    /// Captures, passwords and the fleet file. The attic's start is unknown.
     fn prepare(plan: &Plan) -> Self {
         let files = Self(tempfile::tempdir().unwrap());
         let (mut fleet, mut users) = (String::new(), String::new());

@@ -6,8 +6,7 @@ mod drives;
 
 use drives::{Drive, play};
 use slamd_capture::CaptureReader;
-use slamd_core::config::Config;
-use slamd_core::driver::Driver;
+use slamd_core::{Config, Driver};
 use slamd_fleet::player::{Player, Report};
 use slamd_publish::write_map;
 use std::fs::File;
@@ -16,7 +15,7 @@ use std::path::Path;
 fn slamds_own(path: &Path, out: &Path) -> Vec<u8> {
     let mut capture = CaptureReader::open(path).unwrap();
     let config = Config::from_toml(&capture.info().config_toml).unwrap();
-    let pipeline = slamd_paper::pipeline(&config, slamd_core::pipeline::Start::Fresh).unwrap();
+    let pipeline = slamd_paper::pipeline(&config, slamd_core::Start::Fresh).unwrap();
     let mut driver = Driver::new(pipeline);
     for record in &mut capture {
         driver.feed(&record.unwrap(), |_, _| {});

@@ -1,4 +1,5 @@
-//! A hub and a robot as a program of somebody else's sees them: Zenoh's own Python package. It needs `python3` with `venv`, and PyPI the first time.
+//! Tests a hub and a robot with a third-party client, Zenoh's Python package. It needs `python3` with
+//! `venv`, and PyPI the first time.
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 

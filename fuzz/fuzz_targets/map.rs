@@ -3,10 +3,10 @@
 
 use slamd_testkit::fuzzing;
 use slamd_testkit::fuzzing::Corpus;
-use slamd_core::saved_state::SavedState;
+use slamd_core::SavedState;
 use std::sync::LazyLock;
 
-static SESSION: LazyLock<SavedState> = LazyLock::new(|| Corpus::new().saved_state());
+static SESSION: LazyLock<SavedState> = LazyLock::new(|| Corpus::build().saved_state());
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     fuzzing::read_map(bytes, SESSION.clone());

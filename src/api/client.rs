@@ -5,10 +5,7 @@ use super::request::{MAX_LINE_BYTES, Request, RequestError, Watch, parse};
 use super::send_queue::SendQueue;
 use super::token::Token;
 use bytes::Bytes;
-use slamd_core::event::{FaultEvent, SensorState};
-use slamd_core::link::LinkState;
-use slamd_core::snapshot::Snapshot;
-use slamd_core::time::Timestamp;
+use slamd_core::{FaultEvent, SensorState, Snapshot, Timestamp, link::LinkState};
 use std::time::Duration;
 
 /// Why a connection is closed.

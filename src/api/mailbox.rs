@@ -1,8 +1,6 @@
 //! The newest snapshot, passed from the pipeline's thread to another thread.
 
-use slamd_core::mapping::raster::Raster;
-use slamd_core::snapshot::Snapshot;
-use slamd_core::time::Timestamp;
+use slamd_core::{Raster, Snapshot, Timestamp};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 use tokio::sync::Notify;

@@ -1,7 +1,6 @@
 //! Counters and gauges in the text format of Prometheus (version 0.0.4).
 
-use slamd_core::link::LinkState;
-use slamd_core::snapshot::Snapshot;
+use slamd_core::{Snapshot, link::LinkState};
 use std::fmt::Write as _;
 
 /// The server's own counts.

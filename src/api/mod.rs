@@ -25,7 +25,7 @@ pub use mailbox::Mailbox;
 pub use report::{MAJOR, MINOR, Report, map_line};
 pub use request::{MAX_LINE_BYTES, Request, RequestError, Watch, parse};
 pub use server::Server;
-pub use slamd_core::snapshot::Snapshot;
+pub use slamd_core::Snapshot;
 pub use tap::Tap;
 pub use token::{Token, TokenError};
 

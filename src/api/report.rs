@@ -6,11 +6,7 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use bytes::Bytes;
 use serde::Serialize;
-use slamd_core::event::{Counters, FaultEvent, SensorState, Verdict};
-use slamd_core::geometry::Mounting;
-use slamd_core::mapping::raster::Raster;
-use slamd_core::snapshot::Snapshot;
-use slamd_core::time::Timestamp;
+use slamd_core::{Counters, FaultEvent, Mounting, Raster, SensorState, Snapshot, Timestamp, Verdict};
 use slamd_publish::grey_png;
 
 /// Version of the lines: a new major version changes fields, a new minor version adds fields.

@@ -1,7 +1,7 @@
 //! Lines that wait to be read by a client.
 
 use bytes::{Buf as _, Bytes};
-use slamd_core::time::Timestamp;
+use slamd_core::Timestamp;
 use std::collections::VecDeque;
 use std::time::Duration;
 

@@ -5,10 +5,7 @@ use super::{Client, End, Report, Snapshot, Tap, Token};
 use bytes::Bytes;
 use nalgebra::Matrix3;
 use serde_json::Value;
-use slamd_core::event::{Estimate, FaultEvent, FaultKind, SensorState};
-use slamd_core::geometry::Pose2;
-use slamd_core::link::Link;
-use slamd_core::time::Timestamp;
+use slamd_core::{Estimate, FaultEvent, FaultKind, Pose2, SensorState, Timestamp, link::Link};
 use std::sync::Arc;
 
 fn at(ms: u64) -> Timestamp {

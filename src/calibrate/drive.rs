@@ -1,11 +1,8 @@
 //! A mapped drive: every sweep with its pose, and the walls.
 
-use slamd_core::config::Config;
-use slamd_core::driver::{Driver, Record, Update};
-use slamd_core::event::{Calibration, Estimate, Event, SensorState};
-use slamd_core::geometry::Pose2;
-use slamd_core::saved_state::LandmarkState;
-use slamd_core::sweep::Sweep;
+use slamd_core::{
+    Calibration, Config, Driver, Estimate, Event, Pose2, Record, SensorState, Sweep, Update, saved_state::LandmarkState,
+};
 use slamd_metrics::{Accuracy, AccuracyMeter};
 use std::collections::VecDeque;
 
@@ -40,7 +37,7 @@ impl Mapper {
     /// A mapper for a new drive.
     #[must_use]
     pub fn new(config: &Config) -> Self {
-        let pipeline = slamd_paper::pipeline(config, slamd_core::pipeline::Start::Fresh)
+        let pipeline = slamd_paper::pipeline(config, slamd_core::Start::Fresh)
             .expect("a fresh start has no saved state that could be refused");
         let mut driver = Driver::new(pipeline);
         driver.keep_sweeps();

@@ -3,9 +3,11 @@
 use super::Estimated;
 use super::drive::Drive;
 use nalgebra::{Matrix3, Vector3};
-use slamd_core::event::SensorState;
-use slamd_core::position::beam_model::observe_wall;
-use slamd_core::saved_state::LandmarkState;
+use slamd_core::{
+    SensorState,
+    saved_state::LandmarkState,
+    stages::{BeamParams, observe_wall},
+};
 
 /// Number of parameters: range bias, bearing offset, error of the half angle.
 const UNKNOWNS: usize = 3;
@@ -57,11 +59,12 @@ pub(super) fn rms_m(drive: &Drive, sensor: usize) -> f64 {
 }
 
 fn rows(drive: &Drive, sensor: usize) -> Vec<Row> {
-    let mut rows = Vec::new();
+    let (mut rows, params) = (Vec::new(), BeamParams::default());
     for (step, (sweep, pose)) in drive.steps.iter().enumerate() {
-        let Some(observation) = sweep.beams.get(sensor).and_then(|beam| observe_wall(*pose, beam)) else { continue };
+        let observe = |beam| observe_wall(&params, *pose, beam);
+        let Some(observation) = sweep.beams.get(sensor).and_then(observe) else { continue };
         let sign = observation.side.sign();
-        let residual = |offset_m: f64| observation.depth_m - sign * (offset_m - observation.across_m);
+        let residual = |offset_m: f64| observation.depth_m - sign * (offset_m - observation.sensor_across_m);
         let is_candidate = |wall: &LandmarkState, offset_m: f64| {
             wall.side == observation.side.index()
                 && wall.hits >= MIN_HITS
@@ -72,7 +75,7 @@ fn rows(drive: &Drive, sensor: usize) -> Vec<Row> {
         let candidates = drive.walls.iter().filter(|(wall, offset_m)| is_candidate(wall, *offset_m));
         let Some((_, offset_m)) = candidates.max_by_key(|(wall, _)| wall.hits) else { continue };
         let tangent = if observation.side.axis() == 0 { sign } else { -sign };
-        let lateral_m = tangent * (observation.along_m - observation.foot_m);
+        let lateral_m = tangent * (observation.along_m - observation.sensor_along_m);
         rows.push(Row {
             residual_m: residual(*offset_m),
             jacobian: Vector3::new(libm::cos(observation.oblique_rad), lateral_m, -lateral_m.abs()),

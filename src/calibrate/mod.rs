@@ -21,8 +21,7 @@ mod fit;
 
 use drive::Drive;
 use nalgebra::{Matrix3, Vector3};
-use slamd_core::config::{Config, CorrectionConfig};
-use slamd_core::event::Calibration;
+use slamd_core::{Calibration, Config, config::CorrectionConfig};
 use slamd_metrics::Accuracy;
 
 /// Number of times that the drive is mapped and fitted; a last mapping measures the improvement.

@@ -3,7 +3,7 @@
 use super::{Failure, Kind, MethodArg, terminal};
 use clap::{Args, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
-use slamd_core::config::Method;
+use slamd_core::Method;
 use slamd_eval::bench::case::{Case, Choice, Table};
 use slamd_eval::bench::fleet::drive_all;
 use slamd_eval::bench::{paper, report, table};

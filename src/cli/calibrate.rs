@@ -6,7 +6,7 @@ use crate::calibrate::drive::{Drive, Mapper};
 use crate::calibrate::{CalibrateError, Estimated, PASSES, Report, calibrate};
 use clap::Args;
 use slamd_capture::CaptureReader;
-use slamd_core::config::{Config, Method};
+use slamd_core::{Config, Method};
 use std::path::PathBuf;
 
 /// Calibrate a robot's wheels and sensors from a drive.

@@ -4,7 +4,7 @@ use super::{Failure, Kind, terminal};
 use crate::source::pty;
 use clap::{ArgGroup, Args};
 use slamd_capture::{CaptureInfo, CaptureWriter};
-use slamd_core::config::Config;
+use slamd_core::Config;
 use slamd_sim::encoder::EncoderFault;
 use slamd_sim::fault::{FaultMix, SensorFault};
 use slamd_sim::link::LinkFaults;

@@ -4,9 +4,7 @@ use super::{Failure, Kind};
 use crate::session_file::{self, FileError, Saver};
 use crate::source::session::Session;
 use clap::Args;
-use slamd_core::config::{Config, Method};
-use slamd_core::pipeline::Start;
-use slamd_core::saved_state::SavedState;
+use slamd_core::{Config, Method, SavedState, Start};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 

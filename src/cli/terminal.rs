@@ -1,7 +1,7 @@
 //! Output for people: a progress bar during the run, a few lines at the end.
 
 use indicatif::{ProgressBar, ProgressStyle};
-use slamd_core::event::FaultEvent;
+use slamd_core::FaultEvent;
 use slamd_publish::Summary;
 use std::io::Write as _;
 use std::path::Path;

@@ -1,8 +1,10 @@
 //! The board's clock compared with the host's, and the round-trip time.
 
 use super::finding::{Finding, Level};
-use slamd_core::align::clock::{ClockMap, Widener};
-use slamd_core::time::{DeviceTime, Timestamp};
+use slamd_core::{
+    DeviceTime, Timestamp,
+    stages::{ClockMap, Widener},
+};
 use slamd_protocol::{FrameDecoder, Message};
 
 /// Largest median round trip without a warning, seconds. Longer trips make the pings' times too uncertain; an FTDI bridge delays bytes by 16 ms

@@ -6,11 +6,10 @@ use super::line::LineEvidence;
 use super::sensors::SensorEvidence;
 use super::wheels::WheelEvidence;
 use bytes::Bytes;
-use slamd_core::config::Config;
-use slamd_core::driver::{Driver, Record, Update};
-use slamd_core::event::{Event, FaultKind, Input, SensorState};
-use slamd_core::link::{Link, Remedy};
-use slamd_core::time::Timestamp;
+use slamd_core::{
+    Config, Driver, Event, FaultKind, Input, Record, SensorState, Timestamp, Update,
+    link::{Link, Remedy},
+};
 use slamd_protocol::{DELIMITER, FrameDecoder, Message, Setting};
 
 /// An examination of a board: takes the same inputs as a session and gives its findings at the end.
@@ -37,7 +36,7 @@ impl Examination {
     /// An examination of a board whose port was just opened at `baud`.
     #[must_use]
     pub fn new(config: &Config, baud: u32, port: &str) -> Self {
-        let pipeline = slamd_paper::pipeline(config, slamd_core::pipeline::Start::Fresh)
+        let pipeline = slamd_paper::pipeline(config, slamd_core::Start::Fresh)
             .expect("a fresh start has no saved state that could be refused");
         let driver = Driver::new(pipeline);
         let mut link = Link::new(baud);

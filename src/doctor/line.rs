@@ -1,10 +1,10 @@
 //! The serial link: received data, damage, baud rate and firmware.
 
 use super::finding::{Finding, Level};
-use slamd_core::board::Board;
-use slamd_core::event::Counters;
-use slamd_core::link::{LinkCause, LinkChange, LinkState};
-use slamd_core::time::Timestamp;
+use slamd_core::{
+    Board, Counters, Timestamp,
+    link::{LinkCause, LinkChange, LinkState},
+};
 use slamd_protocol::Status;
 
 /// A start bit, eight of data, a stop bit.

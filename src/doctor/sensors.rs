@@ -2,7 +2,7 @@
 
 use super::finding::{Finding, Level};
 use serde::Serialize;
-use slamd_core::geometry::Ring;
+use slamd_core::Ring;
 use slamd_protocol::{Echo, Sonar, Status};
 use std::f64::consts::TAU;
 

@@ -4,8 +4,7 @@
 //! straight ahead and then turns it left, and each finding states its condition.
 
 use super::finding::{Finding, Level};
-use slamd_core::board::Board;
-use slamd_core::config::RobotConfig;
+use slamd_core::{Board, config::RobotConfig};
 use slamd_protocol::Setting;
 use std::f64::consts::TAU;
 

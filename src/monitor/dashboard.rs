@@ -1,11 +1,6 @@
 //! What the screen shows: a session's state, the link, rates and the map; small enough to be copied ten times a second.
 
-use slamd_core::event::SensorState;
-use slamd_core::geometry::{Point, Pose2};
-use slamd_core::link::LinkState;
-use slamd_core::mapping::raster::Raster;
-use slamd_core::rates::Rates;
-use slamd_core::snapshot::Snapshot;
+use slamd_core::{Point, Pose2, Raster, Rates, SensorState, Snapshot, link::LinkState};
 use std::sync::Arc;
 
 /// What one screen shows.

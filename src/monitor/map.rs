@@ -1,13 +1,13 @@
 //! The map, small: walls as dots, known floor as faint points, the robot as an arrow.
 
-use crate::monitor::canvas::{Canvas, Pen};
+use crate::monitor::canvas::{Dots, Window};
 use crate::monitor::dashboard::Dashboard;
 use crate::monitor::view::{Look, View};
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
-use ratatui::style::{Color, Modifier, Style};
-use slamd_core::geometry::{Point, Pose2};
-use slamd_core::mapping::raster::Raster;
+use ratatui::style::{Color, Modifier};
+use ratatui::symbols::Marker;
+use slamd_core::{Point, Pose2, Raster};
 use std::f64::consts::{FRAC_PI_4, TAU};
 
 /// Cells from this percentage on are walls, up to the other one floor: the thresholds of ROS's `map_server`.
@@ -15,7 +15,7 @@ const WALL: i8 = 65;
 const FLOOR: i8 = 25;
 /// Before anything is known, this much is shown, metres.
 const FIRST_M: f64 = 4.0;
-/// The scale changes in steps, so that a growing map does not tremble.
+/// The scale changes in steps, so that a growing map does not jitter.
 const STEP: f64 = 1.189_207_115_002_721;
 /// One step of the zoom.
 const ZOOM: f64 = std::f64::consts::SQRT_2;
@@ -25,48 +25,34 @@ pub(super) fn window(area: Rect, dashboard: &Dashboard, view: View) -> (Point, f
     let robot = dashboard.session.estimate.map(|estimate| estimate.pose.position()).unwrap_or_default();
     let (low, high) = dashboard.plan.known.unwrap_or((robot, robot));
     let (width_m, height_m) = ((high.x - low.x).max(FIRST_M), (high.y - low.y).max(FIRST_M));
-    let steps = libm::ceil(libm::log(Canvas::fitting(area, width_m, height_m)) / libm::log(STEP));
+    let steps = libm::ceil(libm::log(Window::fitting(area, width_m, height_m)) / libm::log(STEP));
     let dot_m = libm::pow(STEP, steps) * libm::pow(ZOOM, -f64::from(view.zoom));
     let centre = if view.follow { robot } else { nalgebra::center(&low, &high) };
     let whole = |metres: f64| dot_m * libm::round(metres / dot_m);
     (Point::new(whole(centre.x), whole(centre.y)), dot_m)
 }
 
-/// The map about its middle or about the robot.
+/// The map about its middle or about the robot: faint points where the floor is known, walls over them, then the robot.
 pub(super) fn draw(area: Rect, buffer: &mut Buffer, dashboard: &Dashboard, view: View, look: Look) {
     let (centre, dot_m) = window(area, dashboard, view);
-    let wall = Pen { ascii: '#', style: look.ink(Color::White).remove_modifier(Modifier::DIM) };
-    let mut canvas = Canvas::new(buffer, area, look.unicode, centre, dot_m);
-    let raster = &dashboard.plan.raster;
-    let mut floor = Vec::new();
-    for (dot, point) in canvas.dots() {
-        match highest(raster, point, dot_m) {
-            WALL.. => canvas.set(dot, wall),
+    let window = Window::new(area, centre, dot_m);
+    let (mut walls, mut floor) = (Vec::new(), Vec::new());
+    for (dot, point) in window.dots() {
+        match highest(&dashboard.plan.raster, point, dot_m) {
+            WALL.. => walls.push(dot),
             0..=FLOOR => floor.push(dot),
             _ => {}
         }
     }
-    speckle(area, buffer, &floor, look);
+    let floor_marker = Marker::Custom(if look.unicode { '·' } else { '.' });
+    let layers = [(floor, floor_marker, Color::DarkGray), (walls, look.marker('#'), Color::White)];
+    for (dots, marker, colour) in layers {
+        let dots = Dots { dots: &dots, marker, colour: look.colour(colour) };
+        window.draw(buffer, marker, |canvas| canvas.draw(&dots));
+    }
     if let Some(estimate) = &dashboard.session.estimate {
         let style = look.ink(Color::Cyan).add_modifier(Modifier::BOLD);
-        Canvas::new(buffer, area, look.unicode, centre, dot_m).label(
-            estimate.pose.position(),
-            arrow(estimate.pose, look),
-            style,
-        );
-    }
-}
-
-/// A faint point in each cell of the screen that is known floor and nothing else.
-fn speckle(area: Rect, buffer: &mut Buffer, floor: &[(u16, u16)], look: Look) {
-    let sign = if look.unicode { "·" } else { "." };
-    let style: Style = look.faint();
-    for (column, row) in floor {
-        if let Some(cell) = buffer.cell_mut((area.x + column / 2, area.y + row / 4))
-            && cell.symbol() == " "
-        {
-            cell.set_symbol(sign).set_style(style);
-        }
+        window.label(buffer, estimate.pose.position(), arrow(estimate.pose, look), style);
     }
 }
 
@@ -89,8 +75,8 @@ fn highest(raster: &Raster, point: Point, dot_m: f64) -> i8 {
 const ROUNDING: f64 = 1e-6;
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the raster")]
-fn index(place: f64, count: usize) -> usize {
-    place.clamp(0.0, count as f64) as usize
+fn index(number: f64, count: usize) -> usize {
+    number.clamp(0.0, count as f64) as usize
 }
 
 /// The robot's heading: eight directions, in ASCII four.

@@ -19,5 +19,5 @@ mod view;
 
 pub use dashboard::{Dashboard, Line, Plan, Tone};
 pub use screen::{MIN_HEIGHT, MIN_WIDTH, draw};
-pub use slamd_core::rates::{RateMeter, Rates};
+pub use slamd_core::{RateMeter, Rates};
 pub use view::{Look, View};

@@ -4,7 +4,7 @@ use crate::monitor::dashboard::{Dashboard, Tone};
 use crate::monitor::view::Look;
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
-use slamd_core::event::{EncoderState, Wheel};
+use slamd_core::{EncoderState, Wheel};
 
 /// Eleven lines of at most 26 characters.
 pub(super) fn lines(dashboard: &Dashboard, look: Look) -> Vec<Line<'static>> {
@@ -28,7 +28,7 @@ fn rate(name: &str, per_second: f64, count: u64, look: Look) -> Line<'static> {
     ])
 }
 
-/// A rate that should be 0: told loudly while it is not.
+/// A rate that should be 0: highlighted while it is not.
 fn trouble(name: &str, per_second: f64, count: u64, look: Look) -> Line<'static> {
     let line = rate(name, per_second, count, look);
     if per_second > 0.0 { line.patch_style(look.tone(Tone::Bad)) } else { line }
@@ -66,7 +66,7 @@ fn wheels(dashboard: &Dashboard, look: Look) -> Vec<Line<'static>> {
     ]
 }
 
-/// A heading, or in its place the encoder that is broken.
+/// A heading, or instead of it the encoder that is broken.
 fn encoders(dashboard: &Dashboard, look: Look) -> Line<'static> {
     let broken = |wheel: usize| dashboard.session.encoders[wheel] != EncoderState::Healthy;
     (0..2).find(|&wheel| broken(wheel)).map_or_else(

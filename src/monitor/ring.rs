@@ -1,12 +1,13 @@
 //! The ring from above, the robot's front up: a ray per sensor, as long as its range.
 
-use crate::monitor::canvas::{Canvas, Pen};
+use crate::monitor::canvas::Window;
 use crate::monitor::dashboard::{Beam, BeamState, Dashboard};
 use crate::monitor::view::Look;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier};
-use slamd_core::geometry::{Point, Pose2};
+use ratatui::widgets::canvas::{Context, Line};
+use slamd_core::{Point, Pose2};
 use std::f64::consts::FRAC_PI_2;
 
 /// A ray without a length is drawn this long, as a part of the greatest range.
@@ -28,14 +29,16 @@ pub(super) fn draw(area: Rect, buffer: &mut Buffer, dashboard: &Dashboard, look:
     let reach_m = beams.iter().map(|beam| beam.robot_from_sensor.position().coords.norm()).fold(0.0, f64::max)
         + dashboard.max_range_m;
     let side_m = 2.0 * RIM * reach_m;
-    let dot_m = Canvas::fitting(area, side_m, side_m);
-    let mut canvas = Canvas::new(buffer, area, look.unicode, Point::origin(), dot_m);
+    let dot_m = Window::fitting(area, side_m, side_m);
+    let window = Window::new(area, Point::origin(), dot_m);
     // What matters more is drawn later, over the rest.
-    for state in [BeamState::Healthy, BeamState::Silent, BeamState::Faulty] {
-        for beam in beams.iter().filter(|beam| beam.state == state) {
-            ray(&mut canvas, beam, dashboard.max_range_m, look);
+    window.draw(buffer, look.marker('*'), |canvas| {
+        for state in [BeamState::Healthy, BeamState::Silent, BeamState::Faulty] {
+            for beam in beams.iter().filter(|beam| beam.state == state) {
+                ray(canvas, beam, dashboard.max_range_m, look);
+            }
         }
-    }
+    });
     for (sensor, beam) in beams.iter().enumerate() {
         let rim = UP * beam.robot_from_sensor;
         // Numbers of neighbours stand in two rows, so that they do not hide each other.
@@ -43,32 +46,36 @@ pub(super) fn draw(area: Rect, buffer: &mut Buffer, dashboard: &Dashboard, look:
         let at = Point::from(rim.ahead(1.0) - rim.position()) * from_centre_m;
         match beam.state {
             BeamState::Healthy => {}
-            BeamState::Silent => canvas.label(at, "?", look.ink(Color::Yellow)),
+            BeamState::Silent => window.label(buffer, at, "?", look.ink(Color::Yellow)),
             BeamState::Faulty => {
                 let style = look.ink(Color::Red).add_modifier(Modifier::BOLD | Modifier::REVERSED);
-                canvas.label(at, &sensor.to_string(), style);
+                window.label(buffer, at, &sensor.to_string(), style);
             }
         }
     }
     let front = if look.unicode { "▲" } else { "^" };
-    canvas.label(Point::origin(), front, look.ink(Color::Cyan).add_modifier(Modifier::BOLD));
+    window.label(buffer, Point::origin(), front, look.ink(Color::Cyan).add_modifier(Modifier::BOLD));
 }
 
 /// `screen_from_robot`: the robot's x axis is the screen's y axis.
 const UP: Pose2 = Pose2 { x_m: 0.0, y_m: 0.0, theta_rad: FRAC_PI_2 };
 
-fn ray(canvas: &mut Canvas<'_>, beam: &Beam, max_range_m: f64, look: Look) {
+fn ray(canvas: &mut Context<'_>, beam: &Beam, max_range_m: f64, look: Look) {
     let has_range = beam.range_m.is_finite();
     let is_clear = beam.range_m.is_infinite() && beam.range_m > 0.0;
     let length_m = if has_range || is_clear { beam.range_m.min(max_range_m) } else { STUB * max_range_m };
-    let pen = match beam.state {
-        BeamState::Faulty => Pen { ascii: 'x', style: look.ink(Color::Red) },
-        BeamState::Silent => Pen { ascii: '?', style: look.ink(Color::Yellow) },
-        BeamState::Healthy if has_range => Pen { ascii: '*', style: look.ink(Color::Green) },
-        BeamState::Healthy => Pen { ascii: '.', style: look.ink(Color::Blue) },
+    let (ascii, colour) = match beam.state {
+        BeamState::Faulty => ('x', Color::Red),
+        BeamState::Silent => ('?', Color::Yellow),
+        BeamState::Healthy if has_range => ('*', Color::Green),
+        BeamState::Healthy => ('.', Color::Blue),
     };
+    if !look.unicode {
+        canvas.marker(look.marker(ascii));
+    }
     let screen_from_sensor = UP * beam.robot_from_sensor;
-    canvas.line(screen_from_sensor.position(), screen_from_sensor.ahead(length_m), pen);
+    let (from, to) = (screen_from_sensor.position(), screen_from_sensor.ahead(length_m));
+    canvas.draw(&Line::new(from.x, from.y, to.x, to.y, look.colour(colour)));
 }
 
 /// How many are of which state, for the frame.

@@ -1,4 +1,4 @@
-//! Where everything is.
+//! The layout of the screen.
 
 use crate::monitor::dashboard::{Dashboard, Tone};
 use crate::monitor::view::{Look, View};
@@ -100,7 +100,7 @@ fn width_in_words(area: Rect, dashboard: &Dashboard, view: View) -> String {
     format!("{:.1} m wide", dot_m * 2.0 * f64::from(inside.width))
 }
 
-/// Why which sensor is ignored; the newest first, and how many there was no room for.
+/// Which sensors are ignored and why, newest first, and how many did not fit.
 fn reasons(area: Rect, buffer: &mut Buffer, dashboard: &Dashboard, look: Look) {
     let mut faults: Vec<_> = dashboard.session.faulty().collect();
     if faults.is_empty() {
@@ -145,7 +145,7 @@ fn tail(area: Rect, buffer: &mut Buffer, log: &[String], look: Look) {
     Paragraph::new(lines).render(area, buffer);
 }
 
-/// Text cut to a width, which is then told.
+/// Text cut to a width; a sign at its end shows the cut.
 fn fit(text: &str, width: u16, look: Look) -> String {
     let width = usize::from(width);
     if text.chars().count() <= width {

@@ -1,8 +1,8 @@
-//! How it is shown: what the terminal can do, and what the person has chosen with the keys.
+//! How it is shown: what the terminal can do, and what the user has chosen with the keys.
 
 use crate::monitor::dashboard::Tone;
 use ratatui::style::{Color, Modifier, Style};
-use ratatui::symbols::border;
+use ratatui::symbols::{Marker, border};
 
 /// What the terminal can do.
 #[derive(Clone, Copy, Debug)]
@@ -26,6 +26,16 @@ impl Look {
     /// One of the terminal's 16 colours, where colours are wanted.
     pub(super) fn ink(self, colour: Color) -> Style {
         if self.colour { Style::new().fg(colour) } else { Style::new() }
+    }
+
+    /// The same for a canvas, which takes no style: the terminal's own colour where none are wanted.
+    pub(super) fn colour(self, colour: Color) -> Color {
+        if self.colour { colour } else { Color::Reset }
+    }
+
+    /// What dots are drawn with; `ascii` where there is no Unicode.
+    pub(super) fn marker(self, ascii: char) -> Marker {
+        if self.unicode { Marker::Braille } else { Marker::Custom(ascii) }
     }
 
     pub(super) fn tone(self, tone: Tone) -> Style {
@@ -71,16 +81,16 @@ const ASCII_BORDER: border::Set<'static> = border::Set {
     horizontal_bottom: "-",
 };
 
-/// What the person has chosen.
+/// What the user has chosen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct View {
     /// Steps of the map's zoom; 0 shows all that is known.
     pub zoom: i8,
     /// The map stays about the robot, not about its own middle.
     pub follow: bool,
-    /// The picture stands still; the session goes on.
+    /// The picture is frozen; the session goes on.
     pub paused: bool,
-    /// All keys are told.
+    /// All keys are listed.
     pub help: bool,
 }
 

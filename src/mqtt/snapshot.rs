@@ -2,8 +2,7 @@
 
 use super::names::Names;
 use serde_json::json;
-use slamd_core::event::{FaultEvent, SensorState};
-use slamd_core::snapshot::Snapshot;
+use slamd_core::{FaultEvent, SensorState, Snapshot};
 
 /// Topic and payload of everything in the snapshot except the map.
 pub(super) fn messages(names: &Names, snapshot: &Snapshot) -> Vec<(String, String)> {
@@ -53,9 +52,7 @@ fn rounded(value: f64, parts: f64) -> f64 {
 mod tests {
     use super::*;
     use nalgebra::Matrix3;
-    use slamd_core::event::{Estimate, FaultKind};
-    use slamd_core::geometry::{Pose2, Ring};
-    use slamd_core::time::Timestamp;
+    use slamd_core::{Estimate, FaultKind, Pose2, Ring, Timestamp};
 
     #[test]
     fn only_known_values_are_published() {

@@ -14,7 +14,7 @@ pub use tape::{Losses, Plan, Tape};
 
 use bytes::Bytes;
 use slamd_capture::{CaptureError, CaptureInfo};
-use slamd_core::time::Timestamp;
+use slamd_core::Timestamp;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};

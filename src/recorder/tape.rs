@@ -7,7 +7,7 @@
 
 use super::{Chunk, Disk};
 use slamd_capture::{CaptureError, CaptureInfo, CaptureWriter};
-use slamd_core::time::Timestamp;
+use slamd_core::Timestamp;
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind, Write};
 use std::sync::{Arc, Mutex, PoisonError};

@@ -1,6 +1,6 @@
 //! When the watchdog is fed: a state machine without a clock.
 
-use slamd_core::time::Timestamp;
+use slamd_core::Timestamp;
 use std::time::Duration;
 
 /// Feeds a watchdog several times within its timeout.

@@ -11,9 +11,7 @@ mod status;
 pub use feeder::Feeder;
 
 use crate::source::session::{Session, copy_state};
-use slamd_core::link::Link;
-use slamd_core::snapshot::Snapshot;
-use slamd_core::time::Timestamp;
+use slamd_core::{Snapshot, Timestamp, link::Link};
 use socket::Socket;
 use status::write_status;
 use std::time::{Duration, Instant};

@@ -1,7 +1,6 @@
 //! The session's state in one line, for `systemctl status`.
 
-use slamd_core::link::LinkState;
-use slamd_core::snapshot::Snapshot;
+use slamd_core::{Snapshot, link::LinkState};
 use std::fmt::Write as _;
 
 /// Appends the line: `streaming, 32 sensors, 3 faulty`, or the link's state and cause.

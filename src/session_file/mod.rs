@@ -25,7 +25,7 @@ mod saver;
 pub use saver::Saver;
 
 use crc::{CRC_32_ISO_HDLC, Crc};
-use slamd_core::saved_state::SavedState;
+use slamd_core::SavedState;
 use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 

@@ -2,8 +2,7 @@
 
 use super::{FileError, write};
 use crate::priority;
-use slamd_core::saved_state::SavedState;
-use slamd_core::time::Timestamp;
+use slamd_core::{SavedState, Timestamp};
 use std::path::PathBuf;
 use std::thread::JoinHandle;
 use std::time::Duration;

@@ -1,6 +1,6 @@
 //! The log of a session: one line for each event that matters to a person.
 
-use slamd_core::event::{Event, LocalizationChange, LocalizationEvent};
+use slamd_core::{Event, LocalizationChange, LocalizationEvent};
 
 /// Writes the log lines of one session.
 #[derive(Clone, Copy, Debug, Default)]

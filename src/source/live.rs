@@ -7,9 +7,10 @@
 use super::session::Session;
 use crate::recorder::Chunk;
 use bytes::{Buf as _, Bytes};
-use slamd_core::handshake;
-use slamd_core::link::{Link, Remedy};
-use slamd_core::time::Timestamp;
+use slamd_core::{
+    Timestamp, introduction,
+    link::{Link, Remedy},
+};
 use std::collections::VecDeque;
 
 /// A session on a serial link.
@@ -82,7 +83,7 @@ impl<'a> LiveSession<'a> {
 
     /// Requests the board's description and ring again, so that each file of a recording can be replayed alone.
     pub fn introduce(&mut self) {
-        self.extend(handshake::introduction());
+        self.extend(introduction());
     }
 
     /// The port is closed, because it is gone or must be reopened.

@@ -2,7 +2,7 @@
 
 use serialport::{SerialPort, TTYPort};
 use slamd_capture::Record;
-use slamd_core::time::Timestamp;
+use slamd_core::Timestamp;
 use slamd_sim::simulation::Simulation;
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};

@@ -4,16 +4,11 @@
 
 use super::event_log::EventLog;
 use bytes::Bytes;
-use slamd_core::config::Config;
-use slamd_core::driver::{Context, Driver, Record, Update, Watcher};
-use slamd_core::event::{Event, FaultEvent, Input};
-use slamd_core::geometry::{Pose2, Ring};
-use slamd_core::link::{Link, Reception};
-use slamd_core::pipeline::Pipeline;
-use slamd_core::saved_state::SavedState;
-use slamd_core::snapshot::{SessionState, Snapshot};
-use slamd_core::sweep::Sweep;
-use slamd_core::time::Timestamp;
+use slamd_core::{
+    Config, Context, Driver, Event, FaultEvent, Input, Pipeline, Pose2, Record, Ring, SavedState, SessionState,
+    Snapshot, Sweep, Timestamp, Update, Watcher,
+    link::{Link, Reception},
+};
 use slamd_metrics::TrueFault;
 use slamd_publish::{FinalState, Outputs, Summary, WriteError};
 use std::path::Path;

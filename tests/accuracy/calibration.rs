@@ -5,7 +5,7 @@
 use nalgebra::{Matrix3, Vector3};
 use slamd::calibrate::drive::{Drive, Mapper};
 use slamd::calibrate::{CalibrateError, Report, calibrate};
-use slamd_core::config::Config;
+use slamd_core::Config;
 use slamd_sim::fault::FaultMix;
 use slamd_sim::link::LinkFaults;
 use slamd_sim::misfit::Misfit;

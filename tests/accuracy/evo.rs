@@ -7,9 +7,7 @@
 use slamd::source::replay::replay;
 use slamd::source::session::Session;
 use slamd_capture::CaptureReader;
-use slamd_core::config::Config;
-use slamd_core::geometry::Pose2;
-use slamd_core::time::Timestamp;
+use slamd_core::{Config, Pose2, Timestamp};
 use slamd_metrics::{AccuracyMeter, Pairing, relative_error};
 use slamd_testkit::python;
 use slamd_testkit::python::run;
@@ -88,8 +86,7 @@ fn drive(folder: &Path) -> f64 {
     let capture = Path::new(env!("CARGO_MANIFEST_DIR")).join("replay/flat-paper-faults.mcap");
     let mut capture = CaptureReader::open(&capture).unwrap();
     let config = Config::from_toml(&capture.info().config_toml).unwrap();
-    let mut session =
-        Session::new(slamd_paper::pipeline(&config, slamd_core::pipeline::Start::Fresh).unwrap(), folder).unwrap();
+    let mut session = Session::new(slamd_paper::pipeline(&config, slamd_core::Start::Fresh).unwrap(), folder).unwrap();
     replay(&mut capture, &mut session, |_| ()).unwrap();
     session.finish().unwrap().0.accuracy.unwrap().ate_m
 }

@@ -7,10 +7,7 @@
 
 use slamd::inspect::inspect;
 use slamd_capture::CaptureReader;
-use slamd_core::config::Config;
-use slamd_core::driver::{Driver, Update};
-use slamd_core::event::Event;
-use slamd_core::geometry::{Pose2, wrap_angle};
+use slamd_core::{Config, Driver, Event, Pose2, Update, wrap_angle};
 use slamd_eval::import::{ImportError, Summary, carmen, ring};
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -38,7 +35,7 @@ struct Run {
 }
 
 fn run(capture: &Path, config: &Config) -> Run {
-    let mut driver = Driver::new(slamd_paper::pipeline(config, slamd_core::pipeline::Start::Fresh).unwrap());
+    let mut driver = Driver::new(slamd_paper::pipeline(config, slamd_core::Start::Fresh).unwrap());
     let (mut poses, mut odometry) = (Vec::new(), Vec::new());
     for record in CaptureReader::open(capture).unwrap() {
         driver.feed(&record.unwrap(), |_, update| {

@@ -5,7 +5,7 @@
 use slamd::source::replay::replay;
 use slamd::source::session::Session;
 use slamd_capture::CaptureReader;
-use slamd_core::config::{Config, Method};
+use slamd_core::{Config, Method};
 use slamd_publish::Summary;
 use std::path::Path;
 
@@ -16,8 +16,7 @@ fn run(method: Method) -> Summary {
     let config = Config { method, ..Config::from_toml(&capture.info().config_toml).unwrap() };
     let faults = capture.info().faults.clone().unwrap_or_default();
     let mut session =
-        Session::new(slamd_paper::pipeline(&config, slamd_core::pipeline::Start::Fresh).unwrap(), folder.path())
-            .unwrap();
+        Session::new(slamd_paper::pipeline(&config, slamd_core::Start::Fresh).unwrap(), folder.path()).unwrap();
     session.true_faults(faults.iter().map(|fault| fault.parse().unwrap()).collect());
     replay(&mut capture, &mut session, |_| ()).unwrap();
     assert_eq!(capture.damage(), None);

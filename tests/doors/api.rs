@@ -156,7 +156,7 @@ fn limits_are_kept_and_told() {
     long.expect_end("more than 65536 bytes");
     served.daemon.expect("line too long", SOON);
     drop(long);
-    let is_in = |client: &mut Client| client.next().is_some_and(|line| line["class"] == "VERSION");
+    let is_in = |client: &mut Client| client.next_line().is_some_and(|line| line["class"] == "VERSION");
     let mut clients = Vec::new();
     while clients.len() < 63 {
         let mut client = Served::client(&address);
@@ -222,12 +222,12 @@ fn whoever_comes_over_tcp_must_know_the_token() {
     let mut silent = Served::client(&address);
     let mut guessing = Served::client(&address);
     guessing.ask("?POLL;\n?TOKEN=\"correct-horse-battery-stapl\";");
-    assert!(guessing.next().unwrap()["message"].as_str().unwrap().contains("begin with the right ?TOKEN"));
+    assert!(guessing.next_line().unwrap()["message"].as_str().unwrap().contains("begin with the right ?TOKEN"));
     guessing.ask("?TOKEN;");
     guessing.expect_end("three times");
     let mut known = Served::client(&address);
     known.ask(&format!("?TOKEN=\"{TOKEN}\";\n?POLL;"));
-    assert_eq!(known.next().unwrap()["class"], "VERSION");
+    assert_eq!(known.next_line().unwrap()["class"], "VERSION");
     assert_eq!(known.expect("DEVICE")["link"], "searching");
     silent.expect_end("no token within 5 s");
     served.daemon.expect("wrong or missing token", SOON);
@@ -290,7 +290,7 @@ fn a_board_plays_no_tricks_on_a_terminal() {
             std::thread::sleep(Duration::from_millis(100));
         }
     });
-    let device = std::iter::from_fn(|| client.next()).find(|line| !line["board"].is_null()).unwrap();
+    let device = std::iter::from_fn(|| client.next_line()).find(|line| !line["board"].is_null()).unwrap();
     assert_eq!((device["board"].as_str(), device["firmware"].as_str()), (Some("ev[2Jil"), Some("1]0;x")));
     let (_, hello) = served.daemon.line("board: ", SOON);
     assert!(hello.contains("ev[2Jil 1]0;x") && !hello.contains(char::is_control), "{hello:?}");

@@ -12,7 +12,7 @@ use real::{FAULTY, FREE, ODOMETRY, PATH, Shot, UNKNOWN, Viewer, WALL, free_port}
 use slamd::source::replay::replay;
 use slamd::source::session::Session;
 use slamd_capture::CaptureReader;
-use slamd_core::config::Config;
+use slamd_core::Config;
 use slamd_testkit::mock_port::daemon::Daemon;
 use slamd_testkit::mock_port::{Board, Device, Plugged};
 use slamd_viewer::Identity;
@@ -174,8 +174,7 @@ fn what_a_viewer_does_not_take_is_dropped_and_counted() {
     let mut capture = CaptureReader::open(&capture()).unwrap();
     let config = Config::from_toml(&capture.info().config_toml).unwrap();
     let mut session =
-        Session::new(slamd_paper::pipeline(&config, slamd_core::pipeline::Start::Fresh).unwrap(), folder.path())
-            .unwrap();
+        Session::new(slamd_paper::pipeline(&config, slamd_core::Start::Fresh).unwrap(), folder.path()).unwrap();
     session.watch(viewer.watcher().expect("a sink"));
     replay(&mut capture, &mut session, |_| ()).unwrap();
     assert_eq!(session.finish().unwrap().0.sweeps, 2_396);

@@ -1,4 +1,4 @@
-//! The program killed at fifty random moments; `cargo bench --bench kill` does it a thousand times, and checks the 100 ms on an idle machine.
+//! The program killed at fifty random moments; `cargo xtask kill` does it a thousand times, and checks the 100 ms on an idle machine.
 
 use slamd_testkit::killing;
 

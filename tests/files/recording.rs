@@ -5,7 +5,7 @@
 use bytes::Bytes;
 use slamd::recorder::{Chunk, Folder, Losses, Plan, Recorder, Tape};
 use slamd_capture::{CaptureInfo, CaptureReader, Record};
-use slamd_core::time::Timestamp;
+use slamd_core::Timestamp;
 use slamd_testkit::faulty_disk::{FaultyDisk, Mood, record};
 use std::os::unix::fs::PermissionsExt as _;
 use std::time::Duration;

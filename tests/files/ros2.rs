@@ -7,7 +7,7 @@
 
 use serde_json::Value;
 use slamd_capture::{CaptureInfo, CaptureReader, CaptureWriter};
-use slamd_core::geometry::Pose2;
+use slamd_core::Pose2;
 use slamd_testkit::python;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -3,9 +3,9 @@
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
 use slamd::session_file::{HEADER, SessionFileError, decode, encode, read, write};
-use slamd_core::event::{Calibration, FaultKind, SensorState};
-use slamd_core::saved_state::{
-    FilterState, InactiveLandmarkState, LandmarkState, MapState, SavedState, SensorHistory, TileState,
+use slamd_core::{
+    Calibration, FaultKind, SavedState, SensorState,
+    saved_state::{FilterState, InactiveLandmarkState, LandmarkState, MapState, SensorHistory, TileState},
 };
 
 fn saved_state() -> SavedState {
@@ -124,8 +124,8 @@ fn no_mutation_panics() {
         match decode(&bytes) {
             Ok(memory) => {
                 // What no session holds is refused by the stages, in words.
-                let ring = slamd_core::geometry::Ring::default();
-                let _ = slamd_core::wall_slam::WallSlam::resume(&slamd_core::config::Config::default(), &ring, &memory);
+                let ring = slamd_core::Ring::default();
+                let _ = slamd_core::stages::WallSlam::resume(&slamd_core::Config::default(), &ring, &memory);
                 read += 1;
             }
             Err(error) => {

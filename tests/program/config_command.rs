@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use slamd_core::config::Config;
+use slamd_core::Config;
 use slamd_testkit::mock_port::daemon::Daemon;
 use slamd_testkit::mock_port::{Board, Device, Plugged};
 use std::path::{Path, PathBuf};
@@ -137,7 +137,7 @@ fn a_service_needs_no_argument() {
     daemon.expect("link: streaming", Duration::from_secs(20));
     daemon.end();
     let config = left(&home.path("kept"));
-    assert_eq!((config.robot.name.as_str(), config.method), ("butler", slamd_core::config::Method::Paper));
+    assert_eq!((config.robot.name.as_str(), config.method), ("butler", slamd_core::Method::Paper));
     assert!((config.map.cell_m - 0.1).abs() < 1e-9, "{config:?}");
 }
 

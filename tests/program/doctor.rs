@@ -4,8 +4,7 @@
 
 use slamd::doctor::{Examination, Finding, Level, Report};
 use slamd_capture::Record;
-use slamd_core::config::{Config, SettingValue};
-use slamd_core::time::Timestamp;
+use slamd_core::{Config, Timestamp, config::SettingValue};
 use slamd_protocol::{Echo, FrameDecoder, FrameEncoder, Message};
 use slamd_sim::fault::FaultMix;
 use slamd_sim::link::LinkFaults;

@@ -8,11 +8,10 @@ use ratatui::backend::TestBackend;
 use ratatui::buffer::Buffer;
 use ratatui::style::Color;
 use slamd::monitor::{Dashboard, Line, Look, Plan, Rates, Tone, View, draw};
-use slamd_core::event::{Calibration, Counters, EncoderState, Estimate, FaultEvent, FaultKind, SensorState};
-use slamd_core::geometry::{Point, Pose2, Ring};
-use slamd_core::mapping::raster::Raster;
-use slamd_core::snapshot::Snapshot;
-use slamd_core::time::Timestamp;
+use slamd_core::{
+    Calibration, Counters, EncoderState, Estimate, FaultEvent, FaultKind, Point, Pose2, Raster, Ring, SensorState,
+    Snapshot, Timestamp,
+};
 use std::sync::Arc;
 
 const FULL: Look = Look { unicode: true, colour: true };

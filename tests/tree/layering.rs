@@ -203,8 +203,8 @@ fn a_breach_is_noticed() {
     assert_eq!(core("use slamd_protocol::Message;\n"), 1);
     assert_eq!(core("use crate::sweep::Sweep; // crate::position\n"), 0);
     let sim = Path::new("robot.rs");
-    assert_eq!(module_complaints("crates/sim/src", sim, "use slamd_core::position::beam_model::sight;\n").len(), 1);
-    assert!(module_complaints("crates/sim/src", sim, "use slamd_core::geometry::Pose2;\n").is_empty());
+    assert_eq!(module_complaints("crates/sim/src", sim, "use slamd_core::stages::sight;\n").len(), 1);
+    assert!(module_complaints("crates/sim/src", sim, "use slamd_core::Pose2;\n").is_empty());
 
     let path = Path::new("crates/core/src/pipeline.rs");
     assert_eq!(world_complaints(path, "let now = std::time::Instant::now();\n").len(), 1);

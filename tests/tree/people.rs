@@ -5,7 +5,7 @@
 use slamd_protocol::{VERSION_MAJOR, VERSION_MINOR};
 
 const WORKFLOWS: [&str; 2] =
-    [include_str!("../.github/workflows/ci.yml"), include_str!("../.github/workflows/release.yml")];
+    [include_str!("../../.github/workflows/ci.yml"), include_str!("../../.github/workflows/release.yml")];
 
 #[test]
 fn the_changelog_names_the_wire_protocols_version() {

@@ -15,7 +15,7 @@ fn each_promise_is_kept_by_a_test_and_told() {
         let head = source.split(&format!("\nfn {name}()")).next().filter(|head| head.len() < source.len());
         let attributes = head.and_then(|head| head.rsplit("\n\n").next()).unwrap_or_default();
         assert!(attributes.contains("#[test]"), "{file} has no test {name}");
-        assert!(promise.bench.is_none_or(|bench| LONG.iter().any(|(name, _)| *name == bench)), "{}", promise.says);
+        assert!(promise.long_run.is_none_or(|task| LONG.iter().any(|(name, _)| *name == task)), "{}", promise.says);
         assert!(
             told.contains(promise.says) && told.contains(name),
             "docs/reliability.md is older than: {}",

@@ -10,9 +10,7 @@ mod plant;
 use hosts::{Recording, Script, Wire};
 use slamd::source::session::Session;
 use slamd_capture::{CaptureInfo, CaptureReader, CaptureWriter, Record};
-use slamd_core::config::Config;
-use slamd_core::geometry::Pose2;
-use slamd_core::time::Timestamp;
+use slamd_core::{Config, Pose2, Timestamp};
 use slamd_metrics::{Accuracy, AccuracyMeter};
 use slamd_sim::link::LinkFaults;
 use slamd_sim::simulation::session;
@@ -40,7 +38,7 @@ fn output(name: &str) -> PathBuf {
 /// The drive with the simulator's own board, without any serial line.
 fn direct(seed: u64) -> Accuracy {
     let mut daemon = Session::new(
-        slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh).unwrap(),
+        slamd_paper::pipeline(&Config::default(), slamd_core::Start::Fresh).unwrap(),
         &output(&format!("direct-{seed}")),
     )
     .unwrap();
@@ -56,8 +54,7 @@ fn in_lock_step(seed: u64) -> Accuracy {
     let (runner, image) = emulation::build();
     let out = output(&format!("emulated-{seed}"));
     let mut host = Recording::new(
-        Session::new(slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh).unwrap(), &out)
-            .unwrap(),
+        Session::new(slamd_paper::pipeline(&Config::default(), slamd_core::Start::Fresh).unwrap(), &out).unwrap(),
         None,
     );
     emulation::run(runner, image, seed, DRIVE_S, &mut host);
@@ -175,8 +172,7 @@ fn the_firmware_sends_the_golden_capture_to_the_bit() {
             faults: Some(Vec::new()),
         };
         let session =
-            Session::new(slamd_paper::pipeline(&config, slamd_core::pipeline::Start::Fresh).unwrap(), folder.path())
-                .unwrap();
+            Session::new(slamd_paper::pipeline(&config, slamd_core::Start::Fresh).unwrap(), folder.path()).unwrap();
         let mut host = Recording::new(session, Some(CaptureWriter::create(&golden, &info).unwrap()));
         emulation::run(runner, image, SEED, GOLDEN_S, &mut host);
         host.finish();

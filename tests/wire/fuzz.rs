@@ -1,7 +1,6 @@
-//! 50 million bytes and 10,000 files; `cargo bench --bench fuzz` does a thousand million and a million, and times them.
+//! 50 million bytes and 10,000 files; `cargo xtask fuzz` does a thousand million and a million, and times them.
 
-use slamd_core::config::Config;
-use slamd_core::pipeline::Start;
+use slamd_core::{Config, Start};
 use slamd_testkit::fuzzing;
 use slamd_testkit::fuzzing::{Corpus, Kind};
 
@@ -14,7 +13,7 @@ const MAX_KIB: u64 = 400 << 10;
 
 #[test]
 fn no_bytes_panic() {
-    let corpus = Corpus::new();
+    let corpus = Corpus::build();
     let outcomes = in_threads(BYTES / AT_ONCE, |seed| corpus.bytes(AT_ONCE, seed));
     for outcome in &outcomes {
         // Each input has bounded work: nothing comes out that did not come in.
@@ -29,7 +28,7 @@ fn no_bytes_panic() {
 
 #[test]
 fn no_file_panics() {
-    let corpus = Corpus::new();
+    let corpus = Corpus::build();
     let folder = tempfile::tempdir().expect("a folder");
     for kind in Kind::ALL {
         let count = FILES / Kind::ALL.len() as u64 + 1;
@@ -49,7 +48,7 @@ fn no_file_panics() {
 
 #[test]
 fn a_wall_that_was_seen_too_often_to_count_is_seen_again() {
-    let corpus = Corpus::new();
+    let corpus = Corpus::build();
     let mut memory = corpus.saved_state();
     memory.walls.iter_mut().for_each(|wall| wall.hits = u32::MAX);
     let mut pipeline = slamd_paper::pipeline(&Config::default(), Start::Resume(Box::new(memory))).expect("sound");

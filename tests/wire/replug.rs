@@ -1,4 +1,4 @@
-//! A hundred times unplugged and replugged; `cargo bench --bench replug` does it a thousand times.
+//! A hundred times unplugged and replugged; `cargo xtask replug` does it a thousand times.
 
 use slamd_testkit::mock_port;
 

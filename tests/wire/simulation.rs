@@ -1,4 +1,4 @@
-//! Dozens of seeds of the whole daemon in a simulated world; `cargo bench --bench simulation` runs thousands.
+//! Dozens of seeds of the whole daemon in a simulated world; `cargo xtask simulation` runs thousands.
 
 use slamd_testkit::simulating;
 

@@ -1,6 +1,8 @@
-//! Captures: what went over the serial line, chunk by chunk with its time, in an MCAP file that Foxglove opens.
+//! Captures: the bytes of the serial line, in chunks with their times, in an MCAP file that Foxglove
+//! can open.
 //!
-//! A capture knows bytes only, so bytes that do not even decode can be replayed. `replay/README.md` is the specification.
+//! A capture stores raw bytes, so bytes that cannot be decoded are replayed too. `replay/README.md`
+//! is the specification.
 
 #![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
 #![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
@@ -10,7 +12,7 @@ mod reader;
 mod writer;
 
 pub use reader::CaptureReader;
-pub use slamd_core::driver::Record;
+pub use slamd_core::Record;
 pub use writer::CaptureWriter;
 
 use std::collections::BTreeMap;
@@ -18,30 +20,32 @@ use std::io;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// A chunk is closed and flushed at least this often in log time. A kill loses no more than 0.1 s: the rest is for the thread to wake.
+/// Period of closing and flushing a chunk, log time. A kill must lose at most 0.1 s; the remaining
+/// 20 ms are for the thread to wake up.
 pub const FLUSH_PERIOD: Duration = Duration::from_millis(80);
 
 /// Raw bytes from the board.
 pub const RECEIVED_TOPIC: &str = "/serial/rx";
 /// Raw bytes to the board.
 pub const SENT_TOPIC: &str = "/serial/tx";
-/// The true pose, where somebody knows it.
+/// The true pose, if known.
 pub const TRUTH_TOPIC: &str = "/truth/pose";
 
-/// What a capture says about itself, in its `slamd` metadata record.
+/// The description of a capture, in its `slamd` metadata record.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct CaptureInfo {
     /// Version of the program that wrote it.
     pub slamd_version: String,
-    /// Version of the wire protocol that program speaks, as `major.minor`.
+    /// Version of that program's wire protocol, as `major.minor`.
     pub protocol_version: String,
     /// The effective configuration as TOML.
     pub config_toml: String,
-    /// Unix time in microseconds at [`Timestamp`] zero; none where nobody looked at a wall clock.
+    /// Unix time in microseconds at [`Timestamp`] zero; `None` if unknown.
     pub unix_zero_us: Option<u64>,
-    /// Words for people: where, what, under which licence.
+    /// Free text: where and what was recorded, and the licence.
     pub notes: String,
-    /// The sensors that truly fail, each as `SENSOR:KIND@TIME`, for example `7:saturated@30s`; none where nobody knows.
+    /// The true sensor faults, each as `SENSOR:KIND@TIME`, for example `7:saturated@30s`; `None` if
+    /// unknown.
     pub faults: Option<Vec<String>>,
 }
 
@@ -53,10 +57,10 @@ pub enum CaptureError {
     Io {
         /// The capture.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: io::Error,
     },
-    /// The file does not begin as an MCAP file does.
+    /// The file does not begin with MCAP's magic bytes.
     #[error("{}: not an MCAP file: it begins with {found}, not with 89 4d 43 41 50 30 0d 0a", path.display())]
     NotMcap {
         /// The file.
@@ -64,7 +68,7 @@ pub enum CaptureError {
         /// Its first bytes in hexadecimal.
         found: String,
     },
-    /// A time before the one in front of it.
+    /// A record is earlier than the one before it.
     #[error("{}: time runs back from {before_s:.6} s to {at_s:.6} s", path.display())]
     TimeRunsBack {
         /// The capture.
@@ -92,15 +96,15 @@ pub enum CaptureError {
         path: PathBuf,
         /// The record's time, seconds.
         at_s: f64,
-        /// Why.
+        /// The reason.
         reason: String,
     },
-    /// The MCAP writer refuses.
+    /// The MCAP writer fails.
     #[error("{}: {source}", path.display())]
     Write {
         /// The capture.
         path: PathBuf,
-        /// Why.
+        /// The MCAP writer's error.
         source: Box<mcap::McapError>,
     },
 }

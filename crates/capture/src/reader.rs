@@ -1,30 +1,29 @@
-//! Reads a capture from its first byte to its last, one chunk in memory at a time.
+//! Reads a capture from the first byte to the last, with one chunk in memory at a time.
 //!
-//! A chunk is used only after its checksum held. Where the file is cut or damaged, everything in front of the damage is given
-//! out and [`CaptureReader::damage`] says in words what is missing.
+//! A chunk is used only if its checksum is right. If the file is cut or damaged, the reader returns
+//! everything before the damage, and [`CaptureReader::damage`] says what is missing.
 
 use super::{CaptureError, CaptureInfo, METADATA_NAME, RECEIVED_TOPIC, Record, SENT_TOPIC, TRUTH_TOPIC, TruthMessage};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use mcap::records::{ChunkHeader, Record as McapRecord};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{MAGIC, McapError};
-use slamd_core::geometry::Pose2;
-use slamd_core::time::Timestamp;
+use slamd_core::{Pose2, Timestamp};
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-/// Reads one capture: an iterator over its records in the order of the file.
+/// Reads one capture: an iterator over its records in file order.
 pub struct CaptureReader<R: Read = BufReader<File>> {
     path: PathBuf,
     file: R,
-    machine: LinearReader,
+    mcap: LinearReader,
     info: CaptureInfo,
     channels: BTreeMap<u16, Topic>,
-    /// What is read and not yet given out: the rest of a chunk.
+    /// Records of the current chunk that were not returned yet.
     pending: VecDeque<Record>,
-    /// Why nothing can be read behind it.
+    /// The error to return after the pending records.
     failure: Option<CaptureError>,
     last: Timestamp,
     damage: Option<String>,
@@ -39,10 +38,11 @@ enum Topic {
 }
 
 impl CaptureReader {
-    /// Opens a capture and reads what it says about itself.
+    /// Opens a capture and reads its description.
     ///
     /// # Errors
-    /// When the file cannot be read or is not an MCAP file. A file cut off anywhere is no error: its beginning may not have been written.
+    /// When the file cannot be read or is not an MCAP file. A truncated file is no error, even an empty
+    /// one: the recorder may have been killed at any time.
     pub fn open(path: &Path) -> Result<Self, CaptureError> {
         let file = File::open(path).map_err(|source| CaptureError::Io { path: path.into(), source })?;
         Self::begin(BufReader::new(file), path)
@@ -50,7 +50,7 @@ impl CaptureReader {
 }
 
 impl<R: Read> CaptureReader<R> {
-    /// Reads a capture from anything; `path` is its name in errors.
+    /// Reads a capture from any source; `path` is its name in errors.
     ///
     /// # Errors
     /// As [`CaptureReader::open`].
@@ -69,7 +69,7 @@ impl<R: Read> CaptureReader<R> {
         let mut reader = Self {
             path: path.into(),
             file,
-            machine: LinearReader::new_with_options(options),
+            mcap: LinearReader::new_with_options(options),
             info: CaptureInfo::default(),
             channels: BTreeMap::new(),
             pending: VecDeque::new(),
@@ -81,26 +81,26 @@ impl<R: Read> CaptureReader<R> {
         if magic.len() < MAGIC.len() {
             reader.stop(McapError::UnexpectedEof)?;
         }
-        // What the capture says about itself stands before its first record.
+        // The description precedes the first record.
         if let Some(first) = reader.advance()? {
             reader.pending.push_front(first);
         }
         Ok(reader)
     }
 
-    /// What the capture says about itself; all empty where it says nothing.
+    /// The capture's description; empty if it has none.
     #[must_use]
     pub const fn info(&self) -> &CaptureInfo {
         &self.info
     }
 
-    /// What is wrong with the file, once the iterator has ended; none where the file is whole.
+    /// What is wrong with the file, after the iterator's end; `None` if it is complete.
     #[must_use]
     pub fn damage(&self) -> Option<&str> {
         self.damage.as_deref()
     }
 
-    /// The next record; what came before an error is given out before it.
+    /// The next record. An error comes after the records before it.
     fn advance(&mut self) -> Result<Option<Record>, CaptureError> {
         while self.pending.is_empty() && !self.finished {
             if let Err(error) = self.step() {
@@ -114,9 +114,9 @@ impl<R: Read> CaptureReader<R> {
         }
     }
 
-    /// Lets the machine take one step.
+    /// Handles the next event of the MCAP reader.
     fn step(&mut self) -> Result<(), CaptureError> {
-        let record = match self.machine.next_event() {
+        let record = match self.mcap.next_event() {
             None => {
                 self.finished = true;
                 return Ok(());
@@ -134,7 +134,8 @@ impl<R: Read> CaptureReader<R> {
         }
     }
 
-    /// Takes the records of a chunk, once its checksum holds. They are walked here: the library's own way trusts their lengths.
+    /// Handles the records of a chunk if its checksum is right. The loop splits the records itself,
+    /// because the library trusts their lengths.
     fn chunk(&mut self, header: &ChunkHeader, mut rest: &[u8]) -> Result<(), CaptureError> {
         if !header.compression.is_empty() {
             return self.stop(McapError::UnsupportedCompression(header.compression.clone()));
@@ -185,11 +186,11 @@ impl<R: Read> CaptureReader<R> {
     }
 
     fn read(&mut self, wanted: usize) -> Result<(), CaptureError> {
-        let buffer = self.machine.insert(wanted.min(READ_LIMIT));
+        let buffer = self.mcap.insert(wanted.min(READ_LIMIT));
         loop {
             match self.file.read(buffer) {
                 Ok(length) => {
-                    self.machine.notify_read(length);
+                    self.mcap.notify_read(length);
                     return Ok(());
                 }
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
@@ -220,7 +221,8 @@ impl<R: Read> CaptureReader<R> {
         })
     }
 
-    /// Nothing can be read behind an error: it becomes words, except where the file is sound and we lack the means.
+    /// Stops at an error. It becomes a description of the damage, unless the file is whole but
+    /// compressed.
     fn stop(&mut self, error: McapError) -> Result<(), CaptureError> {
         match error {
             McapError::UnsupportedCompression(compression) => {
@@ -267,11 +269,11 @@ impl Topic {
     }
 }
 
-/// As MCAP has it.
+/// The checksum of MCAP.
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
-/// From here on record types are free for private use and are skipped.
+/// Record types from here on are for private use and are skipped.
 const PRIVATE_OPCODES: u8 = 0x80;
-/// A longer record or chunk is damage: our own chunks hold 0.1 s.
+/// Maximum length of a record or chunk, bytes. Longer ones are damage: our own chunks hold 0.1 s.
 const RECORD_LIMIT: usize = 64 << 20;
-/// Most bytes asked of the file at once: a damaged length must not reserve memory.
+/// Maximum number of bytes per read, so that a damaged length does not reserve memory.
 const READ_LIMIT: usize = 64 << 10;

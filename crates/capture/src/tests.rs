@@ -1,6 +1,5 @@
 use super::*;
-use slamd_core::geometry::Pose2;
-use slamd_core::time::Timestamp;
+use slamd_core::{Pose2, Timestamp};
 use std::fs;
 use std::path::Path;
 
@@ -19,7 +18,7 @@ fn info() -> CaptureInfo {
     }
 }
 
-/// Records 30 ms apart: every chunk holds three of them.
+/// Records at intervals of 30 ms: each chunk holds three.
 fn records(count: u64) -> Vec<Record> {
     (0..count)
         .map(|i| {
@@ -121,7 +120,7 @@ fn a_damaged_byte_never_panics_and_never_invents_bytes() {
 }
 
 #[test]
-fn what_is_older_than_a_flush_period_is_on_disk_while_recording() {
+fn records_older_than_a_flush_period_are_on_disk_while_recording() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("killed.mcap");
     let mut writer = CaptureWriter::create(&path, &info()).unwrap();
@@ -169,7 +168,7 @@ fn times_that_run_back_are_refused_by_writer_and_reader() {
 }
 
 #[test]
-fn what_is_not_a_capture_is_refused_by_name() {
+fn a_file_that_is_no_capture_is_refused_with_its_name() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("notes.txt");
     fs::write(&path, "hello").unwrap();

@@ -4,8 +4,7 @@ use super::{CaptureError, CaptureInfo, FLUSH_PERIOD, RECEIVED_TOPIC, Record, SEN
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 use mcap::{McapError, WriteOptions, Writer};
-use slamd_core::geometry::Pose2;
-use slamd_core::time::Timestamp;
+use slamd_core::{Pose2, Timestamp};
 use slamd_files::private;
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -13,10 +12,11 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Writes one capture. Dropping it closes the file, too, but only [`CaptureWriter::finish`] reports errors.
+/// Writes one capture. Dropping it also closes the file, but only [`CaptureWriter::finish`] reports
+/// errors.
 ///
-/// Each chunk is gathered in memory and written whole, so a killed recording ends at the end of a chunk. The index of the
-/// chunks stays in memory until the end: about 8 MB per hour.
+/// Each chunk is collected in memory and written at once, so a killed recording ends at a chunk's end.
+/// The index of the chunks stays in memory until the end: about 8 MB per hour.
 pub struct CaptureWriter<W: Write = BufWriter<File>> {
     path: PathBuf,
     writer: Writer<NoSeek<W>>,
@@ -40,7 +40,7 @@ struct Channel {
 }
 
 impl CaptureWriter {
-    /// Creates the file, for its owner alone, and writes what it says about itself.
+    /// Creates the file, readable by its owner only, and writes the description.
     ///
     /// # Errors
     /// When the file cannot be created or written.
@@ -61,7 +61,7 @@ impl CaptureWriter {
 }
 
 impl<W: Write> CaptureWriter<W> {
-    /// Writes what a capture says about itself to anything; `path` is its name in errors.
+    /// Writes a capture's description to any target; `path` is its name in errors.
     ///
     /// # Errors
     /// When it cannot be written.
@@ -110,7 +110,7 @@ impl<W: Write> CaptureWriter<W> {
         self.write(|channels| &mut channels.sent, at, bytes)
     }
 
-    /// Stores where the robot truly was at `at`, as `world_from_robot`.
+    /// Stores the true pose `world_from_robot` at `at`.
     ///
     /// # Errors
     /// As [`CaptureWriter::received`].
@@ -121,8 +121,8 @@ impl<W: Write> CaptureWriter<W> {
         self.write(|channels| &mut channels.truth, at, &json)
     }
 
-    /// Closes and flushes the open chunk where it began [`FLUSH_PERIOD`] or more before `at`. For idle times: the other
-    /// calls do it on their own.
+    /// Closes and flushes the open chunk if it began [`FLUSH_PERIOD`] or more before `at`. Call it in
+    /// idle times; the other methods call it themselves.
     ///
     /// # Errors
     /// When the file cannot be written.
@@ -134,7 +134,8 @@ impl<W: Write> CaptureWriter<W> {
         Ok(())
     }
 
-    /// How long after the newest message the open chunk wants to be closed; none where no chunk is open.
+    /// Time from the newest message until the open chunk is due to be closed; `None` if no chunk is
+    /// open.
     #[must_use]
     pub fn flush_in(&self) -> Option<Duration> {
         self.chunk_opened.map(|opened| {
@@ -142,7 +143,7 @@ impl<W: Write> CaptureWriter<W> {
         })
     }
 
-    /// Writes the summary. Again, it does nothing.
+    /// Writes the summary. A second call does nothing.
     ///
     /// # Errors
     /// When it cannot be written.
@@ -173,7 +174,7 @@ impl<W: Write> CaptureWriter<W> {
     }
 }
 
-/// Metadata and channels come first and are flushed: whatever happens later, the file can be understood.
+/// Writes and flushes metadata and channels first, so that a truncated file can be read.
 fn begin<W: Write>(to: W, info: &CaptureInfo) -> Result<(Writer<NoSeek<W>>, Channels), McapError> {
     let options = WriteOptions::new()
         .compression(None)

@@ -19,7 +19,7 @@ const SILENCE: Duration = Duration::from_secs(1);
 
 /// What is known of the board, and the next questions to it.
 #[derive(Clone, Debug)]
-pub struct Conversation {
+pub(crate) struct Conversation {
     handshake: Handshake,
     board: Board,
     settings: Settings,
@@ -35,7 +35,7 @@ pub struct Conversation {
 
 /// What a message's stamp says about the board's counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Trust {
+pub(crate) enum Trust {
     /// They can be used.
     Yes,
     /// Unknown until the board identifies itself.
@@ -47,7 +47,7 @@ pub enum Trust {
 impl Conversation {
     /// A conversation before its first message.
     #[must_use]
-    pub fn new(config: &Config) -> Self {
+    pub(crate) fn new(config: &Config) -> Self {
         Self {
             handshake: Handshake::default(),
             board: Board::default(),
@@ -63,35 +63,35 @@ impl Conversation {
 
     /// What is known of the board.
     #[must_use]
-    pub fn board(&self) -> &Board {
+    pub(crate) fn board(&self) -> &Board {
         &self.board
     }
 
     /// When [`Conversation::ask`] is due.
     #[must_use]
-    pub fn deadline(&self) -> Timestamp {
+    pub(crate) fn deadline(&self) -> Timestamp {
         self.handshake.deadline()
     }
 
     /// The port was opened again.
-    pub fn opened(&mut self, at: Timestamp) {
+    pub(crate) fn opened(&mut self, at: Timestamp) {
         self.handshake.opened(at);
         self.settings.restart();
         (self.is_trusted, self.last_group_at) = (false, None);
     }
 
     /// A valid frame arrived.
-    pub fn heard(&mut self, at: Timestamp) {
+    pub(crate) fn heard(&mut self, at: Timestamp) {
         self.handshake.heard(at);
     }
 
     /// A sensor group arrived.
-    pub fn fired(&mut self, at: Timestamp) {
+    pub(crate) fn fired(&mut self, at: Timestamp) {
         self.last_group_at = Some(at);
     }
 
     /// A HELLO arrived. True if the board restarted since the last one.
-    pub fn hello(&mut self, hello: Hello, at: Timestamp, events: &mut Vec<Event>) -> bool {
+    pub(crate) fn hello(&mut self, hello: Hello, at: Timestamp, events: &mut Vec<Event>) -> bool {
         if hello.check_version().is_ok()
             && let Err(text) = Board::check(&hello)
         {
@@ -115,7 +115,7 @@ impl Conversation {
 
     /// Whether a message can be used; `continues` says whether its stamp continues the board's clock. After a new connection or a
     /// silence the counts may have started again. A board that neither continues nor identifies itself for a second restarted.
-    pub fn trust(&mut self, at: Timestamp, continues: impl FnOnce() -> bool) -> Trust {
+    pub(crate) fn trust(&mut self, at: Timestamp, continues: impl FnOnce() -> bool) -> Trust {
         if self.is_trusted || continues() {
             (self.is_trusted, self.doubtful_since) = (true, None);
             return Trust::Yes;
@@ -128,7 +128,7 @@ impl Conversation {
     }
 
     /// The board restarted: asks everything again except the ring's geometry.
-    pub fn restarted(&mut self, at: Timestamp) {
+    pub(crate) fn restarted(&mut self, at: Timestamp) {
         self.handshake.clock_restarted();
         self.handshake.hurry(at);
         self.settings.restart();
@@ -136,7 +136,7 @@ impl Conversation {
     }
 
     /// A part of the ring's geometry arrived. Returns the ring once all parts have arrived.
-    pub fn geometry(&mut self, geometry: &Geometry, at: Timestamp, events: &mut Vec<Event>) -> Option<Ring> {
+    pub(crate) fn geometry(&mut self, geometry: &Geometry, at: Timestamp, events: &mut Vec<Event>) -> Option<Ring> {
         match self.board.place(geometry) {
             Ok(Some(ring)) => {
                 self.ring_is_told = true;
@@ -152,13 +152,13 @@ impl Conversation {
     }
 
     /// The value of a setting arrived.
-    pub fn setting(&mut self, key: u8, value: i32, at: Timestamp) {
+    pub(crate) fn setting(&mut self, key: u8, value: i32, at: Timestamp) {
         self.settings.told(key, value);
         self.handshake.hurry(at);
     }
 
     /// The result of a command arrived.
-    pub fn acknowledged(&mut self, of_type: u8, result: AckResult, at: Timestamp, events: &mut Vec<Event>) {
+    pub(crate) fn acknowledged(&mut self, of_type: u8, result: AckResult, at: Timestamp, events: &mut Vec<Event>) {
         if let Some(text) = self.settings.acknowledged(of_type, result) {
             self.trouble(text, at, events);
         }
@@ -166,17 +166,17 @@ impl Conversation {
     }
 
     /// A time request was written at `at`.
-    pub fn time_request_sent(&mut self, token: u16, at: Timestamp) {
+    pub(crate) fn time_request_sent(&mut self, token: u16, at: Timestamp) {
         self.handshake.time_request_sent(token, at);
     }
 
     /// When the request with this token was written; none if it was not the last one.
-    pub fn time_request(&mut self, token: u16) -> Option<Timestamp> {
+    pub(crate) fn time_request(&mut self, token: u16) -> Option<Timestamp> {
         self.handshake.time_request(token)
     }
 
     /// Messages to send to the board at `at`.
-    pub fn ask(&mut self, at: Timestamp, events: &mut Vec<Event>) -> impl Iterator<Item = Message> + use<> {
+    pub(crate) fn ask(&mut self, at: Timestamp, events: &mut Vec<Event>) -> impl Iterator<Item = Message> + use<> {
         if self.last_group_at.is_some_and(|last| last + SILENCE < at) {
             (self.is_trusted, self.last_group_at) = (false, None);
         }

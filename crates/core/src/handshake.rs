@@ -23,7 +23,7 @@ const QUICK_REQUESTS: u16 = 60;
 
 /// What the board has answered so far.
 #[derive(Clone, Debug, Default)]
-pub struct Known {
+pub(crate) struct Known {
     /// HELLO arrived since the port was opened.
     pub hello: bool,
     /// The next question about the board's settings.
@@ -38,7 +38,7 @@ pub struct Known {
 
 /// What to send.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Messages {
+pub(crate) struct Messages {
     /// The next question of the handshake.
     pub question: Option<Message>,
     /// The next time request.
@@ -47,7 +47,7 @@ pub struct Messages {
 
 /// Decides what to ask next.
 #[derive(Clone, Debug)]
-pub struct Handshake {
+pub(crate) struct Handshake {
     question_due: Timestamp,
     time_due: Timestamp,
     quick_requests: u16,
@@ -65,13 +65,13 @@ impl Default for Handshake {
 
 impl Handshake {
     /// The port was opened again: the board may be booting.
-    pub fn opened(&mut self, at: Timestamp) {
+    pub(crate) fn opened(&mut self, at: Timestamp) {
         let due = at + SILENCE;
         *self = Self { question_due: due, time_due: due, token: self.token, ..Self::default() };
     }
 
     /// The board sent something: it listens, too.
-    pub fn heard(&mut self, at: Timestamp) {
+    pub(crate) fn heard(&mut self, at: Timestamp) {
         if !self.has_spoken {
             self.has_spoken = true;
             self.hurry(at);
@@ -80,12 +80,12 @@ impl Handshake {
 
     /// When [`Handshake::ask`] is due.
     #[must_use]
-    pub fn deadline(&self) -> Timestamp {
+    pub(crate) fn deadline(&self) -> Timestamp {
         self.question_due.min(self.time_due)
     }
 
     /// Messages to send at `at`: the handshake's next question and, once the board is known, a time request.
-    pub fn ask(&mut self, at: Timestamp, known: Known) -> Messages {
+    pub(crate) fn ask(&mut self, at: Timestamp, known: Known) -> Messages {
         let may_ask_time = known.hello && !known.refused;
         let question = (at >= self.question_due).then(|| question(known)).flatten();
         if at >= self.question_due {
@@ -105,22 +105,22 @@ impl Handshake {
     }
 
     /// An answer arrived: the next question is due at once.
-    pub fn hurry(&mut self, at: Timestamp) {
+    pub(crate) fn hurry(&mut self, at: Timestamp) {
         (self.question_due, self.time_due) = (at, self.time_due.min(at));
     }
 
     /// The board's clock started again: sends the quick time requests again.
-    pub fn clock_restarted(&mut self) {
+    pub(crate) fn clock_restarted(&mut self) {
         self.quick_requests = 0;
     }
 
     /// A time request was written at `at`.
-    pub fn time_request_sent(&mut self, token: u16, at: Timestamp) {
+    pub(crate) fn time_request_sent(&mut self, token: u16, at: Timestamp) {
         self.pending = Some((token, at));
     }
 
     /// When the request with this token was written; none if it was not the last one.
-    pub fn time_request(&mut self, token: u16) -> Option<Timestamp> {
+    pub(crate) fn time_request(&mut self, token: u16) -> Option<Timestamp> {
         self.pending.take_if(|(pending, _)| *pending == token).map(|(_, at)| at)
     }
 }

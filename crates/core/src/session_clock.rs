@@ -6,7 +6,7 @@ use crate::time::Timestamp;
 
 /// Session time, which never runs back.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct SessionClock {
+pub(crate) struct SessionClock {
     now: Timestamp,
 }
 
@@ -16,18 +16,18 @@ const MAX_SILENCE_US: u64 = 60_000_000;
 impl SessionClock {
     /// A clock at the session's zero.
     #[must_use]
-    pub const fn new() -> Self {
+    pub(crate) const fn new() -> Self {
         Self { now: Timestamp::from_us(0) }
     }
 
     /// The latest instant reached.
     #[must_use]
-    pub const fn now(&self) -> Timestamp {
+    pub(crate) const fn now(&self) -> Timestamp {
         self.now
     }
 
     /// The instant of an input that came at `at`. Ask for the deadlines that are [`SessionClock::due`] before it.
-    pub fn approach(&mut self, at: Timestamp) -> Timestamp {
+    pub(crate) fn approach(&mut self, at: Timestamp) -> Timestamp {
         let at = at.max(self.now);
         // Where nothing was heard or said for longer, because no port was there, more questions would change nothing.
         self.now = self.now.max(Timestamp::from_us(at.us().saturating_sub(MAX_SILENCE_US)));
@@ -35,7 +35,7 @@ impl SessionClock {
     }
 
     /// The instant at which `deadline` is to be handled, if that is not after `at`; else `at` is reached.
-    pub fn due(&mut self, at: Timestamp, deadline: Timestamp) -> Option<Timestamp> {
+    pub(crate) fn due(&mut self, at: Timestamp, deadline: Timestamp) -> Option<Timestamp> {
         let deadline = deadline.max(self.now);
         let is_due = deadline <= at;
         self.now = if is_due { deadline } else { at };

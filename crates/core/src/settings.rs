@@ -8,7 +8,7 @@ use slamd_protocol::{AckResult, Message, Setting, kind};
 
 /// The board's settings that the configuration names.
 #[derive(Clone, Debug, Default)]
-pub struct Settings {
+pub(crate) struct Settings {
     wanted: Vec<Wanted>,
 }
 
@@ -34,13 +34,13 @@ const MAX_ASKED: u8 = 20;
 impl Settings {
     /// The wanted settings; without any, no question is asked.
     #[must_use]
-    pub fn new(wanted: impl IntoIterator<Item = (Setting, i32)>) -> Self {
+    pub(crate) fn new(wanted: impl IntoIterator<Item = (Setting, i32)>) -> Self {
         let wanted = wanted.into_iter().map(|(setting, value)| Wanted { setting, value, next: Step::Get, asked: 0 });
         Self { wanted: wanted.collect() }
     }
 
     /// The board restarted or may be another one: asks for all values again.
-    pub fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         for wanted in &mut self.wanted {
             (wanted.next, wanted.asked) = (Step::Get, 0);
         }
@@ -48,7 +48,7 @@ impl Settings {
 
     /// The next message to the board; none once all values are as wanted.
     #[must_use]
-    pub fn question(&self) -> Option<Message> {
+    pub(crate) fn question(&self) -> Option<Message> {
         let wanted = self.wanted.iter().find(|wanted| wanted.next != Step::Done)?;
         let key = wanted.setting.key();
         Some(match wanted.next {
@@ -59,7 +59,7 @@ impl Settings {
     }
 
     /// The question was sent once more. Returns an error text after too many questions without an answer.
-    pub fn asked(&mut self) -> Option<String> {
+    pub(crate) fn asked(&mut self) -> Option<String> {
         let wanted = self.current()?;
         wanted.asked += 1;
         (wanted.asked > MAX_ASKED).then(|| {
@@ -69,7 +69,7 @@ impl Settings {
     }
 
     /// A value arrived.
-    pub fn told(&mut self, key: u8, value: i32) {
+    pub(crate) fn told(&mut self, key: u8, value: i32) {
         if let Some(wanted) = self.current()
             && wanted.setting.key() == key
             && wanted.next == Step::Get
@@ -79,7 +79,7 @@ impl Settings {
     }
 
     /// The result of a command arrived. Returns an error text if the board does not accept the setting.
-    pub fn acknowledged(&mut self, of_type: u8, result: AckResult) -> Option<String> {
+    pub(crate) fn acknowledged(&mut self, of_type: u8, result: AckResult) -> Option<String> {
         let wanted = self.current()?;
         let name = wanted.setting.name();
         match (wanted.next, of_type, result) {

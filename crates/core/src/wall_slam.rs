@@ -28,7 +28,7 @@ mod stages;
 mod step;
 mod tracking;
 
-pub use params::Params;
+pub(crate) use params::Params;
 
 use crate::config::Config;
 use crate::event::Event;

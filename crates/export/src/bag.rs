@@ -1,18 +1,14 @@
-//! What of a session is told on which topic, and when.
+//! Which message goes to which topic, and when.
 //!
-//! A message is stamped with the instant it speaks of and filed under the instant slamd knew it, as a recorder beside a live robot would have it:
-//! so the file is in order of time, and the first poses, which wait for the building's axis, come after what was heard meanwhile.
+//! A message's stamp is the instant that it describes; its log time is when slamd knew it, as if a
+//! recorder had run beside the robot. So the file is in the order of log time. The first poses, which
+//! wait for the walls' directions, come after the messages received meanwhile.
 
 use super::diagnostics::Diagnostics;
 use super::file::{BagError, BagFile, Topic};
 use super::message::{self, BASE, MAP, ODOM, Stamp, Transform, sonar};
 use super::odometry::Wheels;
-use slamd_core::config::Config;
-use slamd_core::event::{Estimate, Event};
-use slamd_core::geometry::{Mounting, Pose2, Ring};
-use slamd_core::pipeline::Pipeline;
-use slamd_core::sweep::{Beam, Sweep};
-use slamd_core::time::Timestamp;
+use slamd_core::{Beam, Config, Estimate, Event, Mounting, Pipeline, Pose2, Ring, Sweep, Timestamp};
 use std::path::Path;
 use std::time::Duration;
 
@@ -20,7 +16,7 @@ use std::time::Duration;
 pub struct Bag {
     file: BagFile,
     unix_zero_us: u64,
-    /// Within what a sensor measures.
+    /// The sensors' range limits, metres.
     limits_m: [f64; 2],
     ring: Ring,
     wheels: Wheels,
@@ -30,15 +26,15 @@ pub struct Bag {
     now: Timestamp,
 }
 
-/// From one look at the map to the next.
+/// Period of writing a changed map.
 const MAP_PERIOD: Duration = Duration::from_secs(5);
 
 impl Bag {
-    /// Creates the file, under a name of its own until it is whole. `unix_zero_us` are the microseconds from 1970 to the session's beginning; where
-    /// nobody knows them, stamps are the session's time.
+    /// Creates the file, under a temporary name until it is complete. `unix_zero_us` is the session's
+    /// start in microseconds since 1970; if unknown, stamps are session times.
     ///
     /// # Errors
-    /// When it cannot be created.
+    /// When the file cannot be created.
     pub fn create(path: &Path, config: &Config, unix_zero_us: Option<u64>) -> Result<Self, BagError> {
         Ok(Self {
             file: BagFile::create(path)?,
@@ -53,7 +49,7 @@ impl Bag {
         })
     }
 
-    /// Takes what a session's last input, at `now`, has brought.
+    /// Adds the results of the session's last input, at `now`.
     ///
     /// # Errors
     /// When the file cannot be written.
@@ -68,75 +64,75 @@ impl Bag {
         for event in events {
             self.diagnostics.note(event);
             match event {
-                Event::Ring { .. } => self.place_sensors(pipeline)?,
-                Event::Estimate(estimate) => self.locate(estimate)?,
+                Event::Ring { .. } => self.write_mountings(pipeline)?,
+                Event::Estimate(estimate) => self.write_pose(estimate)?,
                 _ => {}
             }
         }
         for sweep in sweeps {
-            self.sweep(sweep)?;
+            self.write_sweep(sweep)?;
         }
-        self.look_at_map(pipeline)?;
-        match self.diagnostics.tell(self.now, self.stamp(self.now)) {
+        self.write_map_if_due(pipeline)?;
+        match self.diagnostics.message_if_due(self.now, self.stamp(self.now)) {
             Some(message) => self.write(Topic::Diagnostics, &message),
             None => Ok(()),
         }
     }
 
-    /// Writes the last map and gives the file its name; how many messages on how many topics it holds.
+    /// Writes the last map and renames the file. Returns the numbers of messages and topics.
     ///
     /// # Errors
-    /// When the file cannot be written; then it is not there.
+    /// When the file cannot be written. It is then absent.
     pub fn finish(mut self, now: Timestamp, pipeline: &Pipeline) -> Result<(u64, usize), BagError> {
         self.now = now;
-        self.map(pipeline)?;
+        self.write_map(pipeline)?;
         self.file.finish()
     }
 
-    fn place_sensors(&mut self, pipeline: &Pipeline) -> Result<(), BagError> {
+    fn write_mountings(&mut self, pipeline: &Pipeline) -> Result<(), BagError> {
         self.ring = pipeline.ring().cloned().unwrap_or_default();
         let at = self.stamp(self.now);
-        let place = |(sensor, mounting): (usize, &Mounting)| Transform {
+        let transform = |(sensor, mounting): (usize, &Mounting)| Transform {
             at,
             outer: BASE,
             inner: sonar(sensor),
             pose: mounting.robot_from_sensor,
         };
-        let places: Vec<Transform> = self.ring.mountings.iter().enumerate().map(place).collect();
-        self.write(Topic::StaticTransforms, &message::transforms(&places))
+        let transforms: Vec<Transform> = self.ring.mountings.iter().enumerate().map(transform).collect();
+        self.write(Topic::StaticTransforms, &message::transforms(&transforms))
     }
 
-    fn locate(&mut self, estimate: &Estimate) -> Result<(), BagError> {
+    fn write_pose(&mut self, estimate: &Estimate) -> Result<(), BagError> {
         let at = self.stamp(estimate.at);
         self.write(Topic::Pose, &message::map_pose(at, estimate.pose, &estimate.covariance))?;
         self.transform(at, MAP, ODOM, estimate.pose * estimate.odometry.inverse())
     }
 
-    fn sweep(&mut self, sweep: &Sweep) -> Result<(), BagError> {
+    fn write_sweep(&mut self, sweep: &Sweep) -> Result<(), BagError> {
         let at = self.stamp(sweep.at);
         let odometry = message::odometry(at, &self.wheels.roll(sweep));
         self.write(Topic::Odometry, &odometry)?;
         self.transform(at, ODOM, BASE, sweep.odometry)?;
         for (sensor, beam) in sweep.beams.iter().enumerate().take(self.ring.len()) {
             let range_m = if self.diagnostics.is_faulty(sensor) { f64::NAN } else { beam.range_m };
-            let at = self.stamp(pinged(sweep, beam));
+            let at = self.stamp(ping_time(sweep, beam));
             let message = message::range(at, sensor, &self.ring.mountings[sensor], self.limits_m, range_m);
             self.write(Topic::Sonar(sensor), &message)?;
         }
         Ok(())
     }
 
-    fn look_at_map(&mut self, pipeline: &Pipeline) -> Result<(), BagError> {
+    fn write_map_if_due(&mut self, pipeline: &Pipeline) -> Result<(), BagError> {
         if self.now < self.map_due {
             return Ok(());
         }
         self.map_due = self.now + MAP_PERIOD;
         let Some((_, next)) = pipeline.map_since(self.map_revision) else { return Ok(()) };
         self.map_revision = next;
-        self.map(pipeline)
+        self.write_map(pipeline)
     }
 
-    fn map(&mut self, pipeline: &Pipeline) -> Result<(), BagError> {
+    fn write_map(&mut self, pipeline: &Pipeline) -> Result<(), BagError> {
         let raster = pipeline.raster();
         if raster.occupancy.is_empty() {
             return Ok(());
@@ -157,12 +153,8 @@ impl Bag {
     }
 }
 
-/// When a beam was sent; the sweep's instant where its message was lost.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "a part of a second, and not a number becomes 0"
-)]
-fn pinged(sweep: &Sweep, beam: &Beam) -> Timestamp {
+/// The time of a beam's ping; the sweep's instant if its message was lost.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "less than a second, and NaN becomes 0")]
+fn ping_time(sweep: &Sweep, beam: &Beam) -> Timestamp {
     Timestamp::from_us(sweep.at.us().saturating_sub((1e6 * beam.age_s) as u64))
 }

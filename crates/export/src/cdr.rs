@@ -1,7 +1,9 @@
-//! CDR, the byte form of ROS 2 messages: plain XCDR version 1, little endian (OMG DDS-XTypes 1.3, 7.4.3).
+//! CDR, the serialization of ROS 2 messages: plain XCDR version 1, little endian (OMG DDS-XTypes 1.3,
+//! 7.4.3).
 //!
-//! Four bytes name the encoding. Every number after them begins at a multiple of its own size, counted from their end; what is skipped is zero. A
-//! text is its length with a final zero byte, a sequence its count; arrays of a fixed length and structures have nothing in front.
+//! Four bytes name the encoding. Every number after them is aligned to its own size, counted from
+//! their end; the padding is zero. A string has its length and a final zero byte, a sequence its
+//! count. Arrays of a fixed length and structures have no prefix.
 
 /// One message being written, member by member.
 #[derive(Debug)]
@@ -42,7 +44,7 @@ impl Cdr {
         values.iter().for_each(|&value| self.f64(value));
     }
 
-    /// A text; a zero byte would end it, and is left out.
+    /// A string. Zero bytes would end it, so they are left out.
     pub(super) fn text(&mut self, text: &str) {
         let bytes = || text.bytes().filter(|&byte| byte != 0);
         self.count(bytes().count() + 1);
@@ -50,18 +52,18 @@ impl Cdr {
         self.bytes.push(0);
     }
 
-    /// The number of elements of a sequence; they follow.
+    /// The number of elements of a sequence. The elements follow.
     pub(super) fn count(&mut self, count: usize) {
         self.u32(u32::try_from(count).expect("no message is that long"));
     }
 
-    /// A sequence of small numbers.
+    /// A sequence of 8-bit integers.
     pub(super) fn i8s(&mut self, values: &[i8]) {
         self.count(values.len());
         self.bytes.extend(values.iter().map(|value| value.cast_unsigned()));
     }
 
-    /// The message.
+    /// The finished message.
     pub(super) fn finish(self) -> Vec<u8> {
         self.bytes
     }
@@ -86,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_begin_at_multiples_of_their_size() {
+    fn numbers_are_aligned_to_their_size() {
         let bytes = written(|cdr| {
             cdr.u8(7);
             cdr.u32(0x0102_0304);
@@ -110,13 +112,13 @@ mod tests {
     }
 
     #[test]
-    fn the_encodings_name_does_not_count() {
-        // Eight bytes right behind the four: nothing is skipped.
+    fn alignment_starts_after_the_encoding() {
+        // Eight bytes right after the four: no padding.
         assert_eq!(written(|cdr| cdr.f64(0.0)).len(), 8);
     }
 
     #[test]
-    fn a_text_has_its_length_and_a_zero() {
+    fn a_string_has_its_length_and_a_zero() {
         assert_eq!(written(|cdr| cdr.text("map")), [4, 0, 0, 0, b'm', b'a', b'p', 0]);
         assert_eq!(written(|cdr| cdr.text("")), [1, 0, 0, 0, 0]);
         assert_eq!(written(|cdr| cdr.text("m\0a")), [3, 0, 0, 0, b'm', b'a', 0]);
@@ -128,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_sequence_is_its_count_alone() {
+    fn an_empty_sequence_is_only_its_count() {
         let bytes = written(|cdr| {
             cdr.i8s(&[-1, 100]);
             cdr.count(0);

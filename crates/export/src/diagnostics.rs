@@ -1,8 +1,8 @@
-//! `diagnostic_msgs/msg/DiagnosticArray`: one status per sensor, one for the wheel encoders, one for the place in the map.
+//! `diagnostic_msgs/msg/DiagnosticArray`: one status per sensor, one for the wheel
+//! encoders, one for the localization.
 
 use super::message::{Stamp, sonar, with_header};
-use slamd_core::event::{EncoderState, Event, LocalizationChange, SensorState, Wheel};
-use slamd_core::time::Timestamp;
+use slamd_core::{EncoderState, Event, LocalizationChange, SensorState, Timestamp, Wheel};
 use std::time::Duration;
 
 /// As in `DiagnosticStatus`.
@@ -14,32 +14,32 @@ enum Level {
     Error = 2,
 }
 
-/// How one thing fares.
+/// The status of one component.
 #[derive(Clone, Debug)]
 struct Status {
     level: Level,
     message: String,
-    /// In a word.
+    /// The state in one word.
     state: &'static str,
-    /// Since when; none where it has always been so.
+    /// Start of the state; `None` if it never changed.
     since: Option<Timestamp>,
 }
 
-/// What is known of sensors, wheels and place, and when it was last told.
+/// The states of sensors, encoders and localization, and when the next message is due.
 pub(super) struct Diagnostics {
     robot: String,
     sensors: Vec<Status>,
     encoders: [Status; 2],
-    place: Status,
+    localization: Status,
     is_changed: bool,
     due: Timestamp,
 }
 
-/// Told at least this often.
+/// Maximum time between two messages.
 const PERIOD: Duration = Duration::from_secs(1);
 
 impl Status {
-    fn well() -> Self {
+    fn healthy() -> Self {
         Self::new(Level::Ok, "healthy", "OK", None)
     }
 
@@ -53,37 +53,37 @@ impl Diagnostics {
         Self {
             robot: robot.into(),
             sensors: Vec::new(),
-            encoders: [Status::well(), Status::well()],
-            place: Status::new(Level::Warn, "unknown", "no pose yet: the robot must drive between walls", None),
+            encoders: [Status::healthy(), Status::healthy()],
+            localization: Status::new(Level::Warn, "unknown", "no pose yet: the robot must drive between walls", None),
             is_changed: true,
             due: Timestamp::default(),
         }
     }
 
-    /// True where a sensor's readings are worth nothing.
+    /// True if a sensor is faulty.
     pub(super) fn is_faulty(&self, sensor: usize) -> bool {
         self.sensors.get(sensor).is_some_and(|status| status.level != Level::Ok)
     }
 
-    /// Takes note of what has happened.
+    /// Updates the states.
     pub(super) fn note(&mut self, event: &Event) {
         match event {
-            Event::Ring { sensors, .. } => self.sensors.resize(*sensors, Status::well()),
+            Event::Ring { sensors, .. } => self.sensors.resize(*sensors, Status::healthy()),
             Event::Fault(fault) => {
                 let status = match fault.state {
-                    SensorState::Healthy => Status { since: Some(fault.at), ..Status::well() },
+                    SensorState::Healthy => Status { since: Some(fault.at), ..Status::healthy() },
                     SensorState::Faulty(kind) => {
                         Status::new(Level::Error, kind.word(), fault.reason.as_str(), Some(fault.at))
                     }
                 };
-                if let Some(place) = self.sensors.get_mut(fault.sensor) {
-                    *place = status;
+                if let Some(slot) = self.sensors.get_mut(fault.sensor) {
+                    *slot = status;
                 }
             }
             Event::Encoder(encoder) => {
                 let level = match encoder.state {
                     EncoderState::Healthy => Level::Ok,
-                    // Its counts are used, with the sign turned over.
+                    // Its counts are used with the sign reversed.
                     EncoderState::Reversed => Level::Warn,
                     EncoderState::Dead => Level::Error,
                 };
@@ -91,7 +91,7 @@ impl Diagnostics {
                 self.encoders[usize::from(encoder.wheel == Wheel::Right)] = status;
             }
             Event::Localization(event) => {
-                self.place = match &event.change {
+                self.localization = match &event.change {
                     LocalizationChange::Lost => Status::new(
                         Level::Error,
                         "lost",
@@ -114,16 +114,16 @@ impl Diagnostics {
                     }
                 };
             }
-            Event::Estimate(estimate) if self.place.state == "unknown" => {
-                self.place = Status::new(Level::Ok, "known", "position known", Some(estimate.at));
+            Event::Estimate(estimate) if self.localization.state == "unknown" => {
+                self.localization = Status::new(Level::Ok, "known", "position known", Some(estimate.at));
             }
             _ => return,
         }
         self.is_changed = true;
     }
 
-    /// The message, where something has changed or it is time.
-    pub(super) fn tell(&mut self, now: Timestamp, at: Stamp) -> Option<Vec<u8>> {
+    /// The message, if a state has changed or the period is over.
+    pub(super) fn message_if_due(&mut self, now: Timestamp, at: Stamp) -> Option<Vec<u8>> {
         if !self.is_changed && now < self.due {
             return None;
         }
@@ -148,7 +148,7 @@ impl Diagnostics {
         let worse = if right.level > left.level { right } else { left };
         let states = [("left", left.state.into()), ("right", right.state.into())];
         write("wheel encoders", worse.level, &worse.message, &states);
-        write("localisation", self.place.level, &self.place.message, &values(&self.place));
+        write("localisation", self.localization.level, &self.localization.message, &values(&self.localization));
         Some(cdr.finish())
     }
 }

@@ -1,4 +1,5 @@
-//! The MCAP file, as rosbag2 writes it: profile `ros2`, messages in CDR, definitions beside them. It appears whole or not at all.
+//! The MCAP file as rosbag2 writes it: profile `ros2`, messages in CDR with their definitions. The
+//! file is complete or absent.
 
 use super::message::{Stamp, sonar};
 use super::schema::definition;
@@ -15,17 +16,17 @@ pub enum BagError {
     /// The file cannot be created or written.
     #[error(transparent)]
     File(#[from] WriteError),
-    /// The MCAP writer refuses.
+    /// The MCAP writer fails.
     #[error("{}: {source}", path.display())]
     Mcap {
         /// The bag.
         path: PathBuf,
-        /// Why.
+        /// The MCAP writer's error.
         source: Box<McapError>,
     },
 }
 
-/// Where a message goes.
+/// The topic of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Topic {
     Map,
@@ -37,13 +38,13 @@ pub(super) enum Topic {
     Sonar(usize),
 }
 
-/// A topic of the file.
+/// The MCAP channel of a topic.
 struct Channel {
     id: u16,
     messages: u32,
 }
 
-/// The file being written.
+/// A bag file being written.
 pub(super) struct BagFile {
     path: PathBuf,
     writer: Writer<NoSeek<PartFile>>,
@@ -51,7 +52,7 @@ pub(super) struct BagFile {
 }
 
 impl Topic {
-    /// A name of ROS 2: no part of it may begin with a digit.
+    /// The topic's ROS 2 name. No part of a name may begin with a digit.
     fn name(self) -> String {
         match self {
             Self::Map => "/map".into(),
@@ -75,7 +76,8 @@ impl Topic {
         }
     }
 
-    /// Whoever comes late to a topic that keeps its last message gets that: map_server and the static transforms do so.
+    /// The quality of service. Late joiners receive the last message of the map and of the static
+    /// transforms, as with `map_server`.
     fn offered_qos_profiles(self) -> String {
         const FOREVER: &str = "\n    sec: 9223372036\n    nsec: 854775807\n";
         let is_kept = matches!(self, Self::Map | Self::StaticTransforms);
@@ -87,7 +89,7 @@ impl Topic {
     }
 }
 
-/// Of `rmw/types.h`.
+/// Values from `rmw/types.h`.
 const KEEP_LAST: u8 = 1;
 const RELIABLE: u8 = 1;
 const TRANSIENT_LOCAL: u8 = 1;
@@ -97,29 +99,29 @@ const AUTOMATIC: u8 = 1;
 impl BagFile {
     pub(super) fn create(path: &Path) -> Result<Self, BagError> {
         let file = PartFile::create(path)?;
-        let writer = begin(file).map_err(|error| refused(path, error))?;
+        let writer = begin(file).map_err(|error| bag_error(path, error))?;
         Ok(Self { path: path.into(), writer, channels: BTreeMap::new() })
     }
 
-    /// Writes a message that was ready at `ready`, which may not run back.
+    /// Writes a message that was ready at `ready`. Times must not decrease.
     pub(super) fn write(&mut self, topic: Topic, ready: Stamp, message: &[u8]) -> Result<(), BagError> {
         let Self { path, writer, channels } = self;
         let channel = match channels.entry(topic) {
             std::collections::btree_map::Entry::Occupied(known) => known.into_mut(),
             std::collections::btree_map::Entry::Vacant(new) => {
-                new.insert(add(writer, topic).map_err(|error| refused(path, error))?)
+                new.insert(add(writer, topic).map_err(|error| bag_error(path, error))?)
             }
         };
         let Stamp(log_time) = ready;
         let header =
             MessageHeader { channel_id: channel.id, sequence: channel.messages, log_time, publish_time: log_time };
         channel.messages = channel.messages.wrapping_add(1);
-        writer.write_to_known_channel(&header, message).map_err(|error| refused(path, error))
+        writer.write_to_known_channel(&header, message).map_err(|error| bag_error(path, error))
     }
 
-    /// Gives the file its name; how many messages on how many topics it holds.
+    /// Completes and renames the file. Returns the numbers of messages and topics.
     pub(super) fn finish(mut self) -> Result<(u64, usize), BagError> {
-        self.writer.finish().map_err(|error| refused(&self.path, error))?;
+        self.writer.finish().map_err(|error| bag_error(&self.path, error))?;
         self.writer.into_inner().into_inner().finish()?;
         let messages = self.channels.values().map(|channel| u64::from(channel.messages)).sum();
         Ok((messages, self.channels.len()))
@@ -133,7 +135,8 @@ fn begin(file: PartFile) -> Result<Writer<NoSeek<PartFile>>, McapError> {
         .profile("ros2")
         .library(concat!("slamd ", env!("CARGO_PKG_VERSION")));
     let mut writer = options.create(NoSeek::new(file))?;
-    // An empty one tells rosbag2 that qualities of service are written as numbers here, as Humble wrote them; without it Jazzy expects words.
+    // An empty record tells rosbag2 that qualities of service are numbers, as in Humble. Without it,
+    // Jazzy expects words.
     let metadata = BTreeMap::from([("serialized_metadata".into(), String::new())]);
     writer.write_metadata(&Metadata { name: "rosbag2".into(), metadata })?;
     Ok(writer)
@@ -147,7 +150,7 @@ fn add(writer: &mut Writer<NoSeek<PartFile>>, topic: Topic) -> Result<Channel, M
     Ok(Channel { id: writer.add_channel(schema, &topic.name(), "cdr", &metadata)?, messages: 0 })
 }
 
-fn refused(path: &Path, error: McapError) -> BagError {
+fn bag_error(path: &Path, error: McapError) -> BagError {
     match error {
         McapError::Io(source) => BagError::File(WriteError { path: path.into(), source }),
         other => BagError::Mcap { path: path.into(), source: Box::new(other) },

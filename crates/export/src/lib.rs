@@ -1,7 +1,9 @@
-//! A session as a ROS 2 bag: an MCAP file as rosbag2 writes it, which ROS 2, Foxglove and their kin read; ROS itself is not needed.
+//! Writes a session as a ROS 2 bag: an MCAP file as rosbag2 writes it, for ROS 2 and Foxglove. ROS
+//! itself is not needed.
 //!
-//! `bag.rs` says what is told when, `message.rs` and `diagnostics.rs` what is in it, `schema.rs` has the messages' definitions, `cdr.rs` their bytes and
-//! `file.rs` the MCAP file. `docs/export.md` is the specification.
+//! `bag.rs` decides which message is written when, `message.rs` and `diagnostics.rs` make the
+//! messages, `schema.rs` has their definitions, `cdr.rs` their serialization, and `file.rs` the MCAP
+//! file. `docs/export.md` is the specification.
 
 mod bag;
 mod cdr;

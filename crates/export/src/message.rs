@@ -1,11 +1,11 @@
-//! What slamd knows, as the bytes of ROS 2 messages: metres, radians, the frames `map`, `odom`, `base_link` and `sonar_0`, `sonar_1`, ...
+//! Makes ROS 2 messages, in metres and radians. The frames are `map`, `odom`, `base_link` and
+//! `sonar_0`, `sonar_1`, ...
 //!
-//! The robot drives on a plane, so covariances hold x, y and yaw; what cannot change has none.
+//! The robot drives on a plane, so only x, y and yaw have covariances.
 
 use super::cdr::Cdr;
 use nalgebra::Matrix3;
-use slamd_core::geometry::{Mounting, Pose2};
-use slamd_core::mapping::raster::Raster;
+use slamd_core::{Mounting, Pose2, Raster};
 
 /// The frames of REP-105.
 pub(super) const MAP: &str = "map";
@@ -16,22 +16,22 @@ pub(super) const BASE: &str = "base_link";
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Stamp(pub(super) u64);
 
-/// The wheels' tale at one instant.
+/// Pose and velocity from odometry at one instant.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Odometry {
     /// `odom_from_robot`.
     pub(super) pose: Pose2,
     /// Covariance of x, y (metres) and theta (radians).
     pub(super) covariance: Matrix3<f64>,
-    /// Ahead, metres per second.
+    /// Forward speed, metres per second.
     pub(super) speed_m_s: f64,
-    /// Counter-clockwise, radians per second.
+    /// Turn rate, counter-clockwise, radians per second.
     pub(super) turn_rad_s: f64,
-    /// Covariance of the velocity ahead, to the left, and of the turn.
+    /// Covariance of the forward and left velocities and of the turn rate.
     pub(super) velocity_covariance: Matrix3<f64>,
 }
 
-/// One frame in another.
+/// The pose of the frame `inner` in the frame `outer`.
 #[derive(Clone, Debug)]
 pub(super) struct Transform {
     pub(super) at: Stamp,
@@ -40,7 +40,7 @@ pub(super) struct Transform {
     pub(super) pose: Pose2,
 }
 
-/// The frame of a sensor, and the name of its topic but for the slash.
+/// The frame of a sensor; with a slash before it, the name of its topic.
 pub(super) fn sonar(sensor: usize) -> String {
     format!("sonar_{sensor}")
 }
@@ -90,7 +90,7 @@ pub(super) fn transforms(transforms: &[Transform]) -> Vec<u8> {
     cdr.finish()
 }
 
-/// `sensor_msgs/msg/Range` of a sensor that measures within `limits_m`; the range as in REP-117.
+/// `sensor_msgs/msg/Range` of a sensor with the range limits `limits_m`; the range as in REP-117.
 #[expect(clippy::cast_possible_truncation, reason = "the message has them in single precision")]
 pub(super) fn range(at: Stamp, sensor: usize, mounting: &Mounting, limits_m: [f64; 2], range_m: f64) -> Vec<u8> {
     let mut cdr = with_header(at, &sonar(sensor));
@@ -105,7 +105,7 @@ pub(super) fn range(at: Stamp, sensor: usize, mounting: &Mounting, limits_m: [f6
 const ULTRASOUND: u8 = 0;
 const UNKNOWN_VARIANCE: f32 = 0.0;
 
-/// A message that begins with a header.
+/// A message with its header.
 pub(super) fn with_header(at: Stamp, frame: &str) -> Cdr {
     let mut cdr = Cdr::new();
     header(&mut cdr, at, frame);
@@ -118,7 +118,7 @@ fn header(cdr: &mut Cdr, at: Stamp, frame: &str) {
 }
 
 fn stamp(cdr: &mut Cdr, Stamp(ns): Stamp) {
-    // ROS has whole seconds up to 2038.
+    // ROS's 32-bit seconds end in 2038.
     cdr.i32(i32::try_from(ns / 1_000_000_000).unwrap_or(i32::MAX));
     cdr.u32(u32::try_from(ns % 1_000_000_000).unwrap_or_default());
 }
@@ -130,18 +130,18 @@ fn pose(cdr: &mut Cdr, pose: Pose2) {
     cdr.f64s(&[0.0, 0.0, qz, qw]);
 }
 
-/// Covariance over x, y, z and the turns about them, row by row.
+/// The 6 x 6 covariance of x, y, z, roll, pitch and yaw, row by row.
 fn planar(covariance: &Matrix3<f64>) -> [f64; 36] {
     let mut all = [0.0; 36];
-    for (row, place) in PLANAR.into_iter().enumerate() {
-        for (column, other) in PLANAR.into_iter().enumerate() {
-            all[6 * place + other] = covariance[(row, column)];
+    for (row, outer) in PLANAR.into_iter().enumerate() {
+        for (column, inner) in PLANAR.into_iter().enumerate() {
+            all[6 * outer + inner] = covariance[(row, column)];
         }
     }
     all
 }
 
-/// Where x, y and yaw stand among the six.
+/// The indices of x, y and yaw among the six.
 const PLANAR: [usize; 3] = [0, 1, 5];
 
 #[cfg(test)]
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stamp_is_seconds_and_the_rest() {
+    fn a_stamp_is_seconds_and_nanoseconds() {
         let mut cdr = Cdr::new();
         stamp(&mut cdr, Stamp(3_999_999_999));
         assert_eq!(cdr.finish()[4..], [3, 0, 0, 0, 0xff, 0xc9, 0x9a, 0x3b]);

@@ -1,32 +1,30 @@
-//! How well the wheels alone know where the robot is: the filter of [`slamd_core::position`] without any measurement.
+//! Odometry with its covariance: the prediction of the filter in [`slamd_core::position`], without
+//! measurements.
 
 use super::message::Odometry;
-use slamd_core::event::Calibration;
-use slamd_core::geometry::Pose2;
-use slamd_core::position::filter::Filter;
-use slamd_core::sweep::Sweep;
+use slamd_core::{Calibration, Pose2, Sweep, stages::Filter};
 
-/// The wheels, summed up.
+/// Dead reckoning with covariance.
 pub(super) struct Wheels {
     nominal: Calibration,
     filter: Filter,
 }
 
-/// At its beginning the robot is where it is, by definition.
+/// Initial deviation of the pose. It is nearly zero, because the start defines the frame.
 const BEGIN_SIGMA_RAD: f64 = 1e-4;
 
 impl Wheels {
-    /// Wheels that have not rolled yet, known as well as `nominal` says.
+    /// Odometry at the start, with the wheels' sizes and uncertainties of `nominal`.
     pub(super) fn new(nominal: Calibration) -> Self {
         Self { nominal, filter: at_rest(nominal) }
     }
 
-    /// Rolls on to a sweep.
+    /// Advances to the next sweep.
     pub(super) fn roll(&mut self, sweep: &Sweep) -> Odometry {
         self.filter.predict(sweep.left_m, sweep.right_m);
         let mut step = at_rest(self.nominal);
         step.predict(sweep.left_m, sweep.right_m);
-        // The first sweep has none before it.
+        // The first sweep has no elapsed time.
         let per_s = if sweep.elapsed_s > 0.0 { sweep.elapsed_s.recip() } else { 0.0 };
         Odometry {
             pose: sweep.odometry,
@@ -54,16 +52,21 @@ mod tests {
     }
 
     #[test]
-    fn speeds_are_those_of_the_wheels_and_doubt_grows_with_the_way() {
+    fn speeds_agree_with_the_wheels_and_uncertainty_grows_with_distance() {
         let nominal = RobotConfig::default().wheels();
         let mut wheels = Wheels::new(nominal);
-        let told: Vec<Odometry> = (0..100).map(|_| wheels.roll(&arc(nominal.wheel_base_m))).collect();
-        let last = told[99];
+        let odometry: Vec<Odometry> = (0..100).map(|_| wheels.roll(&arc(nominal.wheel_base_m))).collect();
+        let last = odometry[99];
         assert!((last.speed_m_s - 0.3).abs() < 1e-12 && (last.turn_rad_s - 0.5).abs() < 1e-12, "{last:?}");
-        let sigma_rad = |told: &Odometry| told.covariance[(2, 2)].sqrt();
-        assert!(sigma_rad(&told[99]) > 3.0 * sigma_rad(&told[9]), "{} {}", sigma_rad(&told[99]), sigma_rad(&told[9]));
-        // A single step's doubt does not grow with the way.
-        assert!((last.velocity_covariance - told[0].velocity_covariance).norm() < 1e-12);
+        let sigma_rad = |odometry: &Odometry| odometry.covariance[(2, 2)].sqrt();
+        assert!(
+            sigma_rad(&odometry[99]) > 3.0 * sigma_rad(&odometry[9]),
+            "{} {}",
+            sigma_rad(&odometry[99]),
+            sigma_rad(&odometry[9])
+        );
+        // The uncertainty of one step does not grow with distance.
+        assert!((last.velocity_covariance - odometry[0].velocity_covariance).norm() < 1e-12);
         assert!(last.velocity_covariance[(0, 0)] > 0.0 && last.velocity_covariance[(2, 2)] > 0.0);
     }
 }

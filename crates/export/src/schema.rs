@@ -1,7 +1,8 @@
-//! The definitions of the ROS 2 messages that a bag holds, as `ros2 interface show` has them: fields alone, packages always named.
+//! The definitions of the bag's ROS 2 messages, as `ros2 interface show` prints them, but only fields
+//! and always with packages.
 
-/// The line between a definition and those that it needs.
-const LINE: &str = "================================================================================";
+/// The separator between definitions.
+const SEPARATOR: &str = "================================================================================";
 
 /// Package and message, fields.
 const DEFINITIONS: &[(&str, &str)] = &[
@@ -30,7 +31,7 @@ const DEFINITIONS: &[(&str, &str)] = &[
         "nav_msgs/Odometry",
         "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/PoseWithCovariance pose\ngeometry_msgs/TwistWithCovariance twist\n",
     ),
-    // With the variance that Jazzy brought: Humble, which knows none, reads up to it.
+    // With the variance that Jazzy added. Humble reads the fields before it.
     (
         "sensor_msgs/Range",
         "uint8 ULTRASOUND=0\nuint8 INFRARED=1\nstd_msgs/Header header\nuint8 radiation_type\nfloat32 field_of_view\nfloat32 min_range\nfloat32 max_range\nfloat32 range\nfloat32 variance\n",
@@ -43,10 +44,10 @@ const DEFINITIONS: &[(&str, &str)] = &[
     ("diagnostic_msgs/DiagnosticArray", "std_msgs/Header header\ndiagnostic_msgs/DiagnosticStatus[] status\n"),
 ];
 
-/// The definition of `package/Message`, and behind it all that it needs, each once, as rosbag2 stores it.
+/// The definition of `package/Message`, followed by each definition it needs, once, as in rosbag2.
 ///
 /// # Panics
-/// Where it is not defined here.
+/// When it is not defined here.
 pub(super) fn definition(name: &str) -> String {
     let mut named = vec![name];
     let mut text = String::new();
@@ -54,7 +55,7 @@ pub(super) fn definition(name: &str) -> String {
     while let Some(&name) = named.get(next) {
         let (_, fields) = DEFINITIONS.iter().find(|(defined, _)| *defined == name).expect("each message is defined");
         if next > 0 {
-            text += &format!("{LINE}\nMSG: {name}\n");
+            text += &format!("{SEPARATOR}\nMSG: {name}\n");
         }
         text += fields;
         let types = fields.lines().filter_map(|line| line.split(['[', ' ']).next());
@@ -73,9 +74,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_definition_brings_what_it_needs_once() {
+    fn a_definition_includes_each_needed_definition_once() {
         let text = definition("nav_msgs/Odometry");
-        let parts: Vec<&str> = text.split(&format!("{LINE}\n")).collect();
+        let parts: Vec<&str> = text.split(&format!("{SEPARATOR}\n")).collect();
         let heads: Vec<&str> = parts.iter().filter_map(|part| part.lines().next()).collect();
         let expected = [
             "std_msgs/Header header",
@@ -94,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn whatever_is_needed_is_defined() {
+    fn every_needed_definition_exists() {
         for (name, _) in DEFINITIONS {
             assert!(!definition(name).is_empty());
         }

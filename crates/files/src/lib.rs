@@ -1,4 +1,4 @@
-//! Files that appear whole or not at all, and that only their owner may read.
+//! Files that are complete or absent, and that only their owner may read.
 
 #![forbid(unsafe_code)]
 

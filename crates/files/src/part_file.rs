@@ -1,7 +1,8 @@
-//! A file that appears whole or not at all: written as `NAME.part` beside its place and renamed at the end.
+//! A file that is complete or absent: it is written as `NAME.part` in the same folder and renamed at
+//! the end.
 //!
-//! A disk that fails for a while does not end the run: what it does not take waits in memory, up to a bound, and is tried again with what
-//! follows. Only [`PartFile::finish`] fails.
+//! A temporary disk failure does not end the run: unwritten bytes stay in memory, up to a limit, and
+//! are written with the bytes that follow. Only [`PartFile::finish`] reports an error.
 
 use crate::private;
 use sha2::{Digest, Sha256};
@@ -16,65 +17,65 @@ use std::path::{Path, PathBuf};
 pub struct WriteError {
     /// The file.
     pub path: PathBuf,
-    /// What the system says.
+    /// The system's error.
     pub source: io::Error,
 }
 
-/// A file being written. What a killed run leaves behind is `NAME.part`.
+/// A file being written. A killed run leaves `NAME.part`.
 pub struct PartFile {
     path: PathBuf,
     part: PathBuf,
     file: File,
-    waiting: Vec<u8>,
-    /// The file is written when so many bytes wait.
+    pending: Vec<u8>,
+    /// Number of pending bytes that triggers the next write.
     write_at: usize,
-    /// Why something is missing in the file for ever.
+    /// The error that made the file incomplete for good.
     failure: Option<io::Error>,
     sha256: Sha256,
 }
 
 const BLOCK: usize = 8 << 10;
-/// An hour of poses.
-const MAX_WAITING: usize = 4 << 20;
+/// Limit of the pending bytes: an hour of poses.
+const MAX_PENDING: usize = 4 << 20;
 
 impl PartFile {
-    /// Begins the file that will be `path`.
+    /// Creates `path` with the suffix `.part`.
     ///
     /// # Errors
-    /// When it cannot be created.
+    /// When the file cannot be created.
     pub fn create(path: &Path) -> Result<Self, WriteError> {
         let mut part = path.as_os_str().to_owned();
         part.push(".part");
         let part = PathBuf::from(part);
         let file = private::create_file(&part).map_err(|source| WriteError { path: part.clone(), source })?;
-        let (waiting, write_at) = (Vec::with_capacity(BLOCK), BLOCK);
-        Ok(Self { path: path.into(), part, file, waiting, write_at, failure: None, sha256: Sha256::new() })
+        let (pending, write_at) = (Vec::with_capacity(BLOCK), BLOCK);
+        Ok(Self { path: path.into(), part, file, pending, write_at, failure: None, sha256: Sha256::new() })
     }
 
-    /// Adds to the file.
+    /// Appends bytes.
     pub fn append(&mut self, bytes: &[u8]) {
         self.sha256.update(bytes);
         if self.failure.is_some() {
             return;
         }
-        self.waiting.extend_from_slice(bytes);
-        if self.waiting.len() < self.write_at {
+        self.pending.extend_from_slice(bytes);
+        if self.pending.len() < self.write_at {
             return;
         }
-        let was_well = self.write_at == BLOCK;
-        match drain(&mut self.waiting, &mut self.file) {
-            Ok(()) if was_well => {}
+        let was_working = self.write_at == BLOCK;
+        match drain(&mut self.pending, &mut self.file) {
+            Ok(()) if was_working => {}
             Ok(()) => {
                 self.write_at = BLOCK;
                 tracing::info!("{}: written again, and nothing is missing", self.part.display());
             }
-            Err(error) if self.waiting.len() > MAX_WAITING => {
+            Err(error) if self.pending.len() > MAX_PENDING => {
                 tracing::error!("{}: {error}; given up", self.part.display());
-                (self.waiting, self.failure) = (Vec::new(), Some(error));
+                (self.pending, self.failure) = (Vec::new(), Some(error));
             }
             Err(error) => {
-                self.write_at = self.waiting.len() + BLOCK;
-                if was_well {
+                self.write_at = self.pending.len() + BLOCK;
+                if was_working {
                     tracing::warn!("{}: {error}; it waits in memory, and mapping goes on", self.part.display());
                 }
             }
@@ -84,11 +85,11 @@ impl PartFile {
     /// Gives the file its name and returns the SHA-256 of its content in hexadecimal.
     ///
     /// # Errors
-    /// When something of it could not be written; then it has no name.
+    /// When a part of the content could not be written. The file then keeps the suffix `.part`.
     pub fn finish(mut self) -> Result<String, WriteError> {
         let written = match self.failure.take() {
             Some(failure) => Err(failure),
-            None => drain(&mut self.waiting, &mut self.file),
+            None => drain(&mut self.pending, &mut self.file),
         };
         let named = written.and_then(|()| self.file.sync_all()).and_then(|()| fs::rename(&self.part, &self.path));
         named.map_err(|source| WriteError { path: self.path.clone(), source })?;
@@ -99,7 +100,7 @@ impl PartFile {
     }
 }
 
-/// Fails only once something is missing for ever.
+/// Fails only after a part of the content is lost.
 impl Write for PartFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.append(bytes);
@@ -114,12 +115,12 @@ impl Write for PartFile {
     }
 }
 
-/// As much of `waiting` as the file takes.
-fn drain(waiting: &mut Vec<u8>, file: &mut impl Write) -> io::Result<()> {
-    while !waiting.is_empty() {
-        match file.write(waiting) {
+/// Writes as much of `pending` as the file accepts.
+fn drain(pending: &mut Vec<u8>, file: &mut impl Write) -> io::Result<()> {
+    while !pending.is_empty() {
+        match file.write(pending) {
             Ok(0) => return Err(ErrorKind::WriteZero.into()),
-            Ok(count) => drop(waiting.drain(..count)),
+            Ok(count) => drop(pending.drain(..count)),
             Err(error) if error.kind() == ErrorKind::Interrupted => {}
             Err(error) => return Err(error),
         }
@@ -127,13 +128,13 @@ fn drain(waiting: &mut Vec<u8>, file: &mut impl Write) -> io::Result<()> {
     Ok(())
 }
 
-/// Writes a whole file at once, for its owner alone, and returns its SHA-256 in hexadecimal.
+/// Writes a whole file, readable by its owner only, and returns its SHA-256 in hexadecimal.
 ///
 /// # Errors
-/// When it cannot be written; the old file, if there was one, is then still there.
+/// When it cannot be written. An old file of that name is then unchanged.
 pub fn write_file(folder: &Path, name: &str, bytes: &[u8]) -> Result<String, WriteError> {
     let mut file = PartFile::create(&folder.join(name))?;
     file.sha256.update(bytes);
-    file.waiting.extend_from_slice(bytes);
+    file.pending.extend_from_slice(bytes);
     file.finish()
 }

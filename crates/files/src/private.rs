@@ -1,4 +1,5 @@
-//! Files and folders that only their owner may read: a map of a home, and how its inhabitants' robot moves in it, are nobody else's business.
+//! Files and folders that only their owner may read, because the map of a home and the robot's path
+//! in it are private.
 
 use std::fs::{DirBuilder, File, OpenOptions, Permissions};
 use std::io;
@@ -8,7 +9,7 @@ use std::path::Path;
 const FILE: u32 = 0o600;
 const FOLDER: u32 = 0o700;
 
-/// Creates a file, or empties the one that is there, and takes it from everybody else.
+/// Creates a file or empties the existing one, and removes the access of others.
 ///
 /// # Errors
 /// When it cannot be created.
@@ -18,15 +19,15 @@ pub fn create_file(path: &Path) -> io::Result<File> {
     Ok(file)
 }
 
-/// Creates a file where none is.
+/// Creates a new file.
 ///
 /// # Errors
-/// When there is one, or it cannot be created.
+/// When it exists or cannot be created.
 pub fn create_new_file(path: &Path) -> io::Result<File> {
     OpenOptions::new().write(true).create_new(true).mode(FILE).open(path)
 }
 
-/// Creates a folder and those above it, where they are missing; one that is there stays as it is.
+/// Creates a folder and its missing parents. An existing folder keeps its mode.
 ///
 /// # Errors
 /// When it cannot be created.
@@ -42,10 +43,11 @@ pub fn first_line(path: &Path) -> Result<String, String> {
     Ok(secret(path)?.lines().next().unwrap_or_default().to_owned())
 }
 
-/// The text of a file that nobody but its owner may read.
+/// The text of a file that only its owner may read.
 ///
 /// # Errors
-/// Where it cannot be read, or others may read it, in words with what to do about it. The text is in none of them.
+/// When the file cannot be read, or others may read it. The message says what to do and never
+/// contains the file's text.
 pub fn secret(path: &Path) -> Result<String, String> {
     let system = |error: io::Error| format!("{error}; name a file that holds the secret");
     let mode = std::fs::metadata(path).map_err(system)?.permissions().mode() & 0o777;
@@ -55,7 +57,8 @@ pub fn secret(path: &Path) -> Result<String, String> {
     std::fs::read_to_string(path).map_err(system)
 }
 
-/// A file that was there before keeps its mode when it is opened. A pipe or a device is whose it is.
+/// Removes the access of others, because an existing file keeps its mode when it is opened. Pipes and
+/// devices keep theirs.
 fn close_to_others(file: &File) -> io::Result<()> {
     let metadata = file.metadata()?;
     if metadata.is_file() && metadata.permissions().mode() & 0o077 != 0 {

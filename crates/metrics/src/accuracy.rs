@@ -6,8 +6,7 @@
 
 use super::pairing::Pairing;
 use serde::Serialize;
-use slamd_core::geometry::{Pose2, wrap_angle};
-use slamd_core::time::Timestamp;
+use slamd_core::{Pose2, Timestamp, wrap_angle};
 
 /// The errors over a whole run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -20,7 +19,7 @@ pub struct Accuracy {
     pub heading_rmse_deg: f64,
 }
 
-/// Compares estimates with the truth as both come in, each in the order of its times.
+/// Compares estimates with the truth as both arrive, each in the order of time.
 #[derive(Clone, Debug, Default)]
 pub struct AccuracyMeter {
     pairing: Pairing<Pose2>,
@@ -33,19 +32,19 @@ pub struct AccuracyMeter {
 }
 
 impl AccuracyMeter {
-    /// Takes an estimated pose, `map_from_robot`.
+    /// Adds an estimated pose, `map_from_robot`.
     pub fn estimate(&mut self, at: Timestamp, pose: Pose2) {
         self.pairing.estimate(at, pose);
         self.compare();
     }
 
-    /// Takes a true pose, `world_from_robot`.
+    /// Adds a true pose, `world_from_robot`.
     pub fn truth(&mut self, at: Timestamp, pose: Pose2) {
         self.pairing.truth(at, pose);
         self.compare();
     }
 
-    /// Takes an estimate, `map_from_robot`, and the true pose of the same instant, `world_from_robot`.
+    /// Adds an estimate, `map_from_robot`, and the true pose of the same instant, `world_from_robot`.
     pub fn add(&mut self, estimate: Pose2, truth: Pose2) {
         let world_from_map = *self.world_from_map.get_or_insert_with(|| truth * estimate.inverse());
         let aligned = world_from_map * estimate;
@@ -58,19 +57,19 @@ impl AccuracyMeter {
         self.heading_square_sum_rad2 += turn * turn;
     }
 
-    /// The alignment at the first pose; none before it.
+    /// The alignment at the first pose; `None` before it.
     #[must_use]
     pub const fn world_from_map(&self) -> Option<Pose2> {
         self.world_from_map
     }
 
-    /// Position error of the last estimate compared, metres; 0 where none has been.
+    /// Position error of the last compared estimate, metres; 0 before the first.
     #[must_use]
     pub const fn last_m(&self) -> f64 {
         self.last_m
     }
 
-    /// The errors so far; none where no estimate has met a truth.
+    /// The errors so far; `None` before the first comparison.
     #[must_use]
     pub fn accuracy(&self) -> Option<Accuracy> {
         let n = self.compared as f64;

@@ -1,24 +1,24 @@
-//! Normalised estimation error squared (NEES): does the filter know how wrong it is?
+//! Normalized estimation error squared (NEES): compares the filter's errors with its covariance.
 //!
-//! NEES = eᵀ P⁻¹ e with e = (x, y, theta) estimated minus true, in the map frame, and P the covariance that the estimate claims
+//! NEES = eᵀ P⁻¹ e with e = (x, y, theta) estimated minus true, in the map frame, and P the covariance of the estimate
 //! (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 5.4). Divided by the three degrees
-//! of freedom its mean is 1 for a consistent filter, more for one that believes itself better than it is.
+//! of freedom its mean is 1 for a consistent filter and larger for an overconfident one.
 
 use super::pairing::Pair;
 use nalgebra::Vector3;
-use slamd_core::event::Estimate;
-use slamd_core::geometry::{Pose2, wrap_angle};
+use slamd_core::{Estimate, Pose2, wrap_angle};
 use std::f64::consts::FRAC_PI_2;
 
-/// The map frame by its definition, `world_from_map`: its origin where the robot started, its axes along the walls of a world whose
-/// walls are upright. The first pair tells which of the four axes is meant.
+/// The map frame by its definition, `world_from_map`: the origin is the robot's start, and the axes
+/// are along the walls of an axis-aligned world. The first pair selects one of the four rotations.
 #[must_use]
 pub fn building_frame(first: &Pair<Estimate>) -> Pose2 {
     let turn_rad = wrap_angle(first.truth.theta_rad - first.estimate.pose.theta_rad);
     Pose2::new(first.truth.x_m, first.truth.y_m, FRAC_PI_2 * (turn_rad / FRAC_PI_2).round())
 }
 
-/// Mean NEES per degree of freedom, where the map frame truly is at `world_from_map`; none without a pair whose covariance can be inverted.
+/// Mean NEES per degree of freedom, given the true map frame `world_from_map`; `None` if no covariance
+/// can be inverted.
 #[must_use]
 pub fn mean_nees(pairs: &[Pair<Estimate>], world_from_map: Pose2) -> Option<f64> {
     let map_from_world = world_from_map.inverse();
@@ -39,7 +39,7 @@ pub fn mean_nees(pairs: &[Pair<Estimate>], world_from_map: Pose2) -> Option<f64>
 mod tests {
     use super::*;
     use nalgebra::Matrix3;
-    use slamd_core::time::Timestamp;
+    use slamd_core::Timestamp;
 
     fn pair(error: [f64; 3], sigma: f64) -> Pair<Estimate> {
         let world_from_map = Pose2::new(2.0, 1.0, FRAC_PI_2);

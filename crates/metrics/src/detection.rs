@@ -1,33 +1,33 @@
-//! Scores of the fault detector: sensor-seconds, latencies and false alarms, by kinds of fault, which add up over runs.
+//! Scores of the fault detector by kind of fault: sensor-seconds, latencies and false alarms, summed
+//! over runs.
 //!
-//! Between two estimates each sensor adds the time that has passed to its sums, by whether it truly failed and whether it was declared to
-//! fail. So a fault found late costs recall for as long as it stayed hidden, and a false alarm costs precision for as long as it lasted.
-//! By kind:
+//! Between two estimates each sensor adds the elapsed time to sums that tell whether it was truly
+//! faulty and whether it was declared faulty. So a late detection costs recall for the delay, and a
+//! false alarm costs precision for its duration. By kind:
 //!
-//! - precision: of the time for which sensors were declared to fail in this way, the share in which they failed, in whatever way;
-//! - recall: of the time for which sensors failed in this way, the share in which they were declared, in whatever way;
-//! - latency: from the fault's begin, or the first estimate where that is later, until the verdict is out.
+//! - precision: of the time with a declared fault of this kind, the share with a true fault of any kind;
+//! - recall: of the time with a true fault of this kind, the share with a declared fault of any kind;
+//! - latency: from the fault's onset, or the first estimate if later, to the output of its declaration.
 
 use super::TrueFault;
 use serde::Serialize;
-use slamd_core::event::{FaultKind, SensorState};
-use slamd_core::time::Timestamp;
+use slamd_core::{FaultKind, SensorState, Timestamp};
 use std::time::Duration;
 
 /// Sums of one kind.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct KindSums {
-    /// Sensor-seconds declared to be of this kind.
+    /// Sensor-seconds with a declared fault of this kind.
     pub declared_s: f64,
-    /// Those of them in which the sensor truly failed.
+    /// The part of `declared_s` in which the sensor was truly faulty.
     pub declared_rightly_s: f64,
-    /// Sensor-seconds truly of this kind.
+    /// Sensor-seconds with a true fault of this kind.
     pub true_s: f64,
-    /// Those of them in which the sensor was declared to fail.
+    /// The part of `true_s` in which the sensor was declared faulty.
     pub found_s: f64,
-    /// Faults of this kind.
+    /// Number of true faults of this kind.
     pub faults: usize,
-    /// Seconds until the verdict, one for each fault that was found.
+    /// Seconds until the declaration, one for each detected fault.
     pub latencies_s: Vec<f64>,
 }
 
@@ -36,20 +36,20 @@ pub struct KindSums {
 pub struct Detection {
     /// By kind, in the order of [`FaultKind::ALL`].
     pub kinds: [KindSums; 4],
-    /// Verdicts on sensors that did not fail.
+    /// Declarations of healthy sensors.
     pub false_alarms: usize,
-    /// Sensor-seconds without a fault.
+    /// Sensor-seconds without a true fault.
     pub healthy_s: f64,
-    /// Those of them in which the sensor was declared to fail.
+    /// The part of `healthy_s` in which the sensor was declared faulty.
     pub wronged_s: f64,
 }
 
 /// The detector's score over a whole run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct FaultScore {
-    /// Share of the declared sensor-seconds that were truly faulty; none where nothing was declared.
+    /// Share of the declared sensor-seconds that were truly faulty; `None` without declarations.
     pub fault_precision: Option<f64>,
-    /// Share of the truly faulty sensor-seconds that were declared; none where nothing failed.
+    /// Share of the truly faulty sensor-seconds that were declared; `None` without faults.
     pub fault_recall: Option<f64>,
 }
 
@@ -75,19 +75,19 @@ impl Detection {
         self.wronged_s += other.wronged_s;
     }
 
-    /// False alarms per healthy sensor and hour; none where no sensor was healthy.
+    /// False alarms per hour of one healthy sensor; `None` if no sensor was healthy.
     #[must_use]
     pub fn false_alarms_per_hour(&self) -> Option<f64> {
         (self.healthy_s > 0.0).then(|| self.false_alarms as f64 / (self.healthy_s / 3600.0))
     }
 
-    /// Precision over all kinds; none where nothing was declared.
+    /// Precision over all kinds; `None` without declarations.
     #[must_use]
     pub fn precision(&self) -> Option<f64> {
         share(self.kinds.iter().map(|k| k.declared_rightly_s).sum(), self.kinds.iter().map(|k| k.declared_s).sum())
     }
 
-    /// Recall over all kinds; none where nothing failed.
+    /// Recall over all kinds; `None` without faults.
     #[must_use]
     pub fn recall(&self) -> Option<f64> {
         share(self.kinds.iter().map(|k| k.found_s).sum(), self.kinds.iter().map(|k| k.true_s).sum())
@@ -95,13 +95,13 @@ impl Detection {
 }
 
 impl KindSums {
-    /// None where nothing was declared to be of this kind.
+    /// Precision of this kind; `None` without declarations of it.
     #[must_use]
     pub fn precision(&self) -> Option<f64> {
         share(self.declared_rightly_s, self.declared_s)
     }
 
-    /// None where nothing was of this kind.
+    /// Recall of this kind; `None` without faults of it.
     #[must_use]
     pub fn recall(&self) -> Option<f64> {
         share(self.found_s, self.true_s)
@@ -112,11 +112,11 @@ fn share(part_s: f64, of_s: f64) -> Option<f64> {
     (of_s > 0.0).then(|| part_s / of_s)
 }
 
-/// Watches one run.
+/// Measures the detector in one run.
 #[derive(Clone, Debug)]
 pub struct FaultMeter {
     truth: Vec<TrueFault>,
-    /// By fault of `truth`: whether its verdict is out.
+    /// Whether each fault of `truth` was detected.
     is_found: Vec<bool>,
     states: Vec<SensorState>,
     first: Option<Timestamp>,
@@ -124,23 +124,23 @@ pub struct FaultMeter {
     sums: Detection,
 }
 
-/// A verdict so soon after a fault has passed is late, not false.
+/// A declaration within this time after a fault's end is late, not false.
 const LATE: Duration = Duration::from_secs(2);
 
 impl FaultMeter {
-    /// A meter for a ring of `sensors` (more where more are heard of) and what truly fails.
+    /// A meter for the true faults of a ring of `sensors`, or more if states of more are added.
     #[must_use]
     pub fn new(sensors: usize, truth: Vec<TrueFault>) -> Self {
         let mut sums = Detection::default();
         for fault in &truth {
-            sums.kinds[place(fault.kind)].faults += 1;
+            sums.kinds[kind_index(fault.kind)].faults += 1;
         }
         let is_found = vec![false; truth.len()];
         let sensors = truth.iter().map(|fault| fault.sensor + 1).fold(sensors, usize::max);
         Self { truth, is_found, states: vec![SensorState::Healthy; sensors], first: None, last: None, sums }
     }
 
-    /// A sensor changed its state at the sweep of `at`.
+    /// Adds a change of a sensor's state at the sweep of `at`.
     pub fn state(&mut self, at: Timestamp, sensor: usize, state: SensorState) {
         self.states.resize(self.states.len().max(sensor + 1), SensorState::Healthy);
         let was_healthy = std::mem::replace(&mut self.states[sensor], state) == SensorState::Healthy;
@@ -151,7 +151,7 @@ impl FaultMeter {
         }
     }
 
-    /// An estimate was made for the sweep of `at` with the states as they are now, and was out at `out`.
+    /// Adds the estimate of the sweep of `at`, made with the current states and output at `out`.
     pub fn estimate(&mut self, at: Timestamp, out: Timestamp) {
         let first = *self.first.get_or_insert(at);
         let elapsed_s = self.last.map_or(0.0, |last| at.seconds_since(last));
@@ -160,15 +160,15 @@ impl FaultMeter {
             let kind = self.true_kind(sensor, at);
             let sums = &mut self.sums;
             match kind {
-                Some(kind) => sums.kinds[place(kind)].true_s += elapsed_s,
+                Some(kind) => sums.kinds[kind_index(kind)].true_s += elapsed_s,
                 None => sums.healthy_s += elapsed_s,
             }
             let SensorState::Faulty(declared) = self.states[sensor] else { continue };
-            sums.kinds[place(declared)].declared_s += elapsed_s;
+            sums.kinds[kind_index(declared)].declared_s += elapsed_s;
             match kind {
                 Some(kind) => {
-                    sums.kinds[place(declared)].declared_rightly_s += elapsed_s;
-                    sums.kinds[place(kind)].found_s += elapsed_s;
+                    sums.kinds[kind_index(declared)].declared_rightly_s += elapsed_s;
+                    sums.kinds[kind_index(kind)].found_s += elapsed_s;
                 }
                 None => sums.wronged_s += elapsed_s,
             }
@@ -178,7 +178,7 @@ impl FaultMeter {
             if !*is_found && fault.is_on(at) && is_declared {
                 *is_found = true;
                 let latency_s = out.seconds_since(fault.from.max(first)).max(0.0);
-                self.sums.kinds[place(fault.kind)].latencies_s.push(latency_s);
+                self.sums.kinds[kind_index(fault.kind)].latencies_s.push(latency_s);
             }
         }
     }
@@ -194,7 +194,7 @@ impl FaultMeter {
     }
 }
 
-const fn place(kind: FaultKind) -> usize {
+const fn kind_index(kind: FaultKind) -> usize {
     match kind {
         FaultKind::Saturated => 0,
         FaultKind::Missing => 1,
@@ -212,12 +212,12 @@ mod tests {
     }
 
     #[test]
-    fn kinds_stand_where_their_order_says() {
-        assert_eq!(FaultKind::ALL.map(place), [0, 1, 2, 3]);
+    fn the_index_of_a_kind_is_its_position_in_the_list() {
+        assert_eq!(FaultKind::ALL.map(kind_index), [0, 1, 2, 3]);
     }
 
     #[test]
-    fn a_late_verdict_a_wrong_name_and_a_false_alarm() {
+    fn a_late_detection_a_wrong_kind_and_a_false_alarm() {
         let truth = vec!["7:stuck@10s".parse().unwrap(), "2:missing@0s".parse().unwrap()];
         let mut meter = FaultMeter::new(8, truth);
         for t in 1..=100 {
@@ -245,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn a_verdict_just_after_the_fault_has_passed_is_late_and_not_false() {
+    fn a_declaration_just_after_the_faults_end_is_late_and_not_false() {
         let mut meter = FaultMeter::new(0, vec!["7:missing@10s-20s".parse().unwrap()]);
         for (at_s, alarms) in [(21, 0), (30, 1)] {
             meter.state(s(at_s), 7, SensorState::Faulty(FaultKind::Missing));
@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_declared_and_nothing_wrong_has_no_score() {
+    fn without_faults_and_declarations_there_is_no_score() {
         let mut meter = FaultMeter::new(2, Vec::new());
         meter.estimate(s(0), s(0));
         meter.estimate(s(9), s(9));
@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_that_is_never_found_costs_recall_though_nothing_is_heard_of_its_sensor() {
+    fn an_undetected_fault_costs_recall_even_without_events_of_its_sensor() {
         let mut meter = FaultMeter::new(0, vec!["7:missing@0s".parse().unwrap()]);
         meter.estimate(s(0), s(0));
         meter.estimate(s(9), s(9));
@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn latency_is_counted_until_the_verdict_is_out() {
+    fn latency_ends_with_the_output_of_the_declaration() {
         let mut meter = FaultMeter::new(1, vec!["0:missing@0s".parse().unwrap()]);
         meter.estimate(s(2), s(12));
         meter.state(s(3), 0, SensorState::Faulty(FaultKind::Missing));

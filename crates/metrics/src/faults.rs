@@ -1,20 +1,19 @@
-//! What truly fails, and when: the schedule that verdicts are held against.
+//! The schedule of true faults, with which the detector's results are compared.
 
-use slamd_core::event::FaultKind;
-use slamd_core::time::Timestamp;
+use slamd_core::{FaultKind, Timestamp};
 use std::str::FromStr;
 use std::time::Duration;
 
-/// A sensor that truly fails.
+/// A true sensor fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TrueFault {
     /// The sensor's id.
     pub sensor: usize,
-    /// How it fails.
+    /// The kind of fault.
     pub kind: FaultKind,
-    /// When it begins to fail.
+    /// Start of the fault.
     pub from: Timestamp,
-    /// When it works again; none for never.
+    /// End of the fault; `None`: permanent.
     pub until: Option<Timestamp>,
 }
 
@@ -61,7 +60,7 @@ mod tests {
     }
 
     #[test]
-    fn schedules_are_read() {
+    fn schedules_are_parsed() {
         let fault = TrueFault { sensor: 7, kind: FaultKind::Saturated, from: s(30), until: None };
         assert_eq!("7:saturated@30s".parse(), Ok(fault));
         assert_eq!("7:saturated@30".parse(), Ok(fault));

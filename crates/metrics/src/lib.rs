@@ -1,4 +1,4 @@
-//! How good a run was, against the truth.
+//! Measures the accuracy of a run against the truth: trajectory, map and fault detection.
 
 mod accuracy;
 mod consistency;

@@ -1,50 +1,51 @@
-//! How good a map is, against the true walls: are its occupied cells walls, and are the walls it could know in it?
+//! Quality of a map against the true walls.
 //!
-//! - **Precision**: the share of occupied cells (65 % and more, as `map_server` has it) whose middle lies within 5 cm of a true wall.
-//! - **Coverage**: of the true walls, sampled every 2 cm, those samples count that the robot could see from its true path: in line of
-//!   sight, within range and at most 45 degrees off the wall's normal. Covered is a sample with the middle of an occupied cell within 5 cm.
+//! - **Precision**: the share of occupied cells (65 % and more, as in `map_server`) whose centre is within 5 cm of
+//!   a true wall.
+//! - **Coverage**: the share of visible wall samples that have the centre of an occupied cell within
+//!   5 cm. The true walls are sampled every 2 cm; a sample is visible if it is, from any pose of the true
+//!   path, in line of sight, within range and at most 45 degrees off the wall's normal.
 //!
-//! Map and truth are aligned at the first pose only, as trajectories are (see [`AccuracyMeter`](super::AccuracyMeter)): a map that
-//! is right in itself but turned against the start is wrong.
+//! Map and truth are aligned at the first pose only, as trajectories are (see [`AccuracyMeter`](super::AccuracyMeter)): a map that is
+//! correct in itself but turned against the start counts as wrong.
 
 use serde::Serialize;
-use slamd_core::geometry::{Point, Pose2};
-use slamd_core::mapping::raster::Raster;
+use slamd_core::{Point, Pose2, Raster};
 
 /// A straight wall from end to end, metres in the world frame.
 pub type Wall = [Point; 2];
 
-/// Occupied from here on, percent.
+/// Minimum occupancy of an occupied cell, percent.
 const OCCUPIED_PERCENT: i8 = 65;
-/// A cell and a wall are the same up to this distance, metres.
+/// Maximum distance between a cell and the wall that it shows, metres.
 const TOLERANCE_M: f64 = 0.05;
-/// From one sample of a wall to the next, metres.
+/// Distance between samples of a wall, metres.
 const SAMPLE_M: f64 = 0.02;
-/// Cosine of the steepest incidence at which a wall counts as seen: 45 degrees.
+/// Cosine of the maximum incidence at which a wall counts as visible: 45 degrees.
 const COS_MAX_INCIDENCE: f64 = std::f64::consts::FRAC_1_SQRT_2;
-/// The robot looks round after so many metres of its true path.
-const LOOK_M: f64 = 0.05;
+/// Distance along the true path between two visibility tests, metres.
+const VISIBILITY_STEP_M: f64 = 0.05;
 
 /// The quality of one map.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct MapQuality {
-    /// Share of the occupied cells that lie within 5 cm of a true wall; none where no cell is occupied.
+    /// Share of the occupied cells within 5 cm of a true wall; `None` if no cell is occupied.
     pub precision: Option<f64>,
-    /// Share of the visible walls that have an occupied cell within 5 cm; none where the robot saw no wall.
+    /// Share of the visible walls with an occupied cell within 5 cm; `None` if no wall was visible.
     pub coverage: Option<f64>,
-    /// Cells that are occupied.
+    /// Number of occupied cells.
     pub occupied_cells: usize,
     /// Length of the walls that the robot could see, metres.
     pub visible_m: f64,
 }
 
-/// Gathers what the robot could see on its true path, then judges maps.
+/// Collects the walls visible from the true path, then scores maps.
 #[derive(Clone, Debug)]
 pub struct MapMeter {
     walls: Vec<Wall>,
     max_range_m: f64,
     samples: Vec<Sample>,
-    looked_from: Option<Point>,
+    tested_at: Option<Point>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -59,24 +60,24 @@ impl MapMeter {
     #[must_use]
     pub fn new(walls: Vec<Wall>, max_range_m: f64) -> Self {
         let samples = walls.iter().enumerate().flat_map(|(wall, ends)| sampled(wall, *ends)).collect();
-        Self { walls, max_range_m, samples, looked_from: None }
+        Self { walls, max_range_m, samples, tested_at: None }
     }
 
-    /// The robot truly was at `pose`, `world_from_robot`.
+    /// Adds a true pose, `world_from_robot`.
     pub fn truth(&mut self, pose: Pose2) {
-        let eye = pose.position();
-        if self.looked_from.is_some_and(|last| (last - eye).norm() < LOOK_M) {
+        let position = pose.position();
+        if self.tested_at.is_some_and(|last| (last - position).norm() < VISIBILITY_STEP_M) {
             return;
         }
-        self.looked_from = Some(eye);
+        self.tested_at = Some(position);
         let near: Vec<Wall> =
-            self.walls.iter().filter(|wall| distance_m(**wall, eye) <= self.max_range_m).copied().collect();
+            self.walls.iter().filter(|wall| distance_m(**wall, position) <= self.max_range_m).copied().collect();
         for sample in self.samples.iter_mut().filter(|sample| !sample.is_visible) {
-            sample.is_visible = sees(eye, sample.point, self.walls[sample.wall], self.max_range_m, &near);
+            sample.is_visible = is_visible(position, sample.point, self.walls[sample.wall], self.max_range_m, &near);
         }
     }
 
-    /// Judges a map whose frame is at `world_from_map`, the alignment at the first pose.
+    /// Scores a map whose frame is `world_from_map`, the alignment at the first pose.
     #[must_use]
     pub fn score(&self, raster: &Raster, world_from_map: Pose2) -> MapQuality {
         let is_wall = |point: Point| self.walls.iter().any(|wall| distance_m(*wall, point) <= TOLERANCE_M);
@@ -92,7 +93,7 @@ impl MapMeter {
         let (mut seen, mut covered) = (0usize, 0usize);
         for sample in visible {
             seen += 1;
-            covered += usize::from(is_marked(raster, map_from_world.transform(sample.point)));
+            covered += usize::from(is_covered(raster, map_from_world.transform(sample.point)));
         }
         let share = |part: usize, of: usize| (of > 0).then(|| part as f64 / of as f64);
         MapQuality {
@@ -112,9 +113,10 @@ fn sampled(wall: usize, [from, to]: Wall) -> impl Iterator<Item = Sample> {
     (0..count).map(move |index| Sample { point: point(index), wall, is_visible: false })
 }
 
-/// Whether `point` of a wall is within range of `eye`, near enough to head-on, and not behind one of the walls that are `near`.
-fn sees(eye: Point, point: Point, [from, to]: Wall, max_range_m: f64, near: &[Wall]) -> bool {
-    let sight = point - eye;
+/// True if `point` of a wall is visible from `position`: within range, within the maximum incidence,
+/// and not hidden by one of the walls `near`.
+fn is_visible(position: Point, point: Point, [from, to]: Wall, max_range_m: f64, near: &[Wall]) -> bool {
+    let sight = point - position;
     let range_m = sight.norm();
     if range_m > max_range_m || range_m < 1e-9 {
         return false;
@@ -126,19 +128,19 @@ fn sees(eye: Point, point: Point, [from, to]: Wall, max_range_m: f64, near: &[Wa
     near.iter().all(|[from, to]| {
         let along = to - from;
         let across = sight.perp(&along);
-        let share_of_sight = (from - eye).perp(&along) / across;
-        let share_of_wall = (from - eye).perp(&sight) / across;
-        // Divided by zero where parallel: then nothing is hidden.
+        let share_of_sight = (from - position).perp(&along) / across;
+        let share_of_wall = (from - position).perp(&sight) / across;
+        // Parallel walls divide by zero; the comparisons are then false, and nothing is hidden.
         !((1e-9..1.0 - 1e-6).contains(&share_of_sight) && (0.0..=1.0).contains(&share_of_wall))
     })
 }
 
-/// Whether the middle of an occupied cell is near `point`, map frame.
+/// True if the centre of an occupied cell is near `point`, map frame.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the raster")]
-fn is_marked(raster: &Raster, point: Point) -> bool {
+fn is_covered(raster: &Raster, point: Point) -> bool {
     let span = |coordinate_m: f64, cells: usize| {
-        let place = |m: f64| libm::floor(m / raster.cell_m).clamp(0.0, cells as f64) as usize;
-        place(coordinate_m - TOLERANCE_M)..(place(coordinate_m + TOLERANCE_M) + 1).min(cells)
+        let index = |m: f64| libm::floor(m / raster.cell_m).clamp(0.0, cells as f64) as usize;
+        index(coordinate_m - TOLERANCE_M)..(index(coordinate_m + TOLERANCE_M) + 1).min(cells)
     };
     let (columns, rows) =
         (span(point.x - raster.origin.x, raster.width), span(point.y - raster.origin.y, raster.height));
@@ -169,7 +171,7 @@ mod tests {
         [Point::new(x0, y0), Point::new(x1, y1)]
     }
 
-    /// A raster of 5 cm cells from (0, -1) to (3, 1), with the cells occupied whose middle `is_occupied`.
+    /// A raster of 5 cm cells from (0, -1) to (3, 1). Cells whose centre `is_occupied` are occupied.
     fn raster(is_occupied: impl Fn(Point) -> bool) -> Raster {
         let mut raster =
             Raster { width: 60, height: 40, cell_m: 0.05, origin: Point::new(0.0, -1.0), occupancy: vec![0; 60 * 40] };
@@ -195,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn half_a_wall_and_a_ghost_are_told_apart() {
+    fn a_missing_part_costs_coverage_and_a_ghost_costs_precision() {
         let mut meter = MapMeter::new(vec![wall(2.0, -0.5, 2.0, 0.5)], 3.0);
         meter.truth(Pose2::default());
         let half = meter.score(&raster(|c| (c.x - 2.0).abs() < 0.026 && c.y > 0.0 && c.y < 0.5), Pose2::default());
@@ -209,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_could_be_seen_must_be_covered() {
+    fn only_visible_walls_count_for_coverage() {
         let front = wall(1.0, -0.2, 1.0, 0.2);
         let hidden = wall(2.0, -0.2, 2.0, 0.2);
         let far = wall(3.1, 1.0, 3.1, 2.0);

@@ -1,12 +1,11 @@
-//! Estimates beside the truth: two streams, each in the order of its times, become pairs of one instant.
+//! Pairs estimates with true poses of the same instant, from two streams in the order of time.
 //!
 //! The truth is interpolated to the estimate's time. Estimates before the first truth are left out.
 
-use slamd_core::geometry::{Pose2, wrap_angle};
-use slamd_core::time::Timestamp;
+use slamd_core::{Pose2, Timestamp, wrap_angle};
 use std::collections::VecDeque;
 
-/// What was estimated, and where the robot truly was then.
+/// An estimate and the true pose at its time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pair<T> {
     /// The estimate's time.
@@ -32,17 +31,17 @@ impl<T> Default for Pairing<T> {
 }
 
 impl<T> Pairing<T> {
-    /// Takes an estimate.
+    /// Adds an estimate.
     pub fn estimate(&mut self, at: Timestamp, estimate: T) {
         push_bounded(&mut self.waiting, (at, estimate));
     }
 
-    /// Takes a true pose, `world_from_robot`.
+    /// Adds a true pose, `world_from_robot`.
     pub fn truth(&mut self, at: Timestamp, pose: Pose2) {
         push_bounded(&mut self.truth, (at, pose));
     }
 
-    /// The next estimate whose truth is known; drain it after each input.
+    /// The next estimate whose true pose is known. Call it until `None` after each input.
     pub fn next_pair(&mut self) -> Option<Pair<T>> {
         loop {
             let (&(at, _), &(latest, _)) = (self.waiting.front()?, self.truth.back()?);
@@ -75,7 +74,7 @@ fn between((t0, a): (Timestamp, Pose2), (t1, b): (Timestamp, Pose2), at: Timesta
     Pose2::new(a.x_m + part * (b.x_m - a.x_m), a.y_m + part * (b.y_m - a.y_m), a.theta_rad + part * turn)
 }
 
-/// Poses kept while one stream runs ahead of the other: 40 s of truth at 100 Hz.
+/// Maximum number of poses kept while one stream is ahead: 40 s of truth at 100 Hz.
 const MAX_QUEUE: usize = 4096;
 
 #[cfg(test)]
@@ -87,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn the_truth_is_interpolated_and_what_came_before_it_left_out() {
+    fn the_truth_is_interpolated_and_earlier_estimates_are_left_out() {
         let mut pairing = Pairing::default();
         for (at, name) in [(5, "early"), (15, "between"), (20, "on"), (21, "late")] {
             pairing.estimate(ms(at), name);

@@ -6,8 +6,8 @@ pub fn quantile(values: &[f64], share: f64) -> f64 {
     let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
     sorted.sort_by(f64::total_cmp);
     let last = sorted.len().saturating_sub(1) as f64;
-    let place = (0..sorted.len()).find(|&place| place as f64 >= (share * last).round());
-    place.map_or(f64::NAN, |place| sorted[place])
+    let index = (0..sorted.len()).find(|&index| index as f64 >= (share * last).round());
+    index.map_or(f64::NAN, |index| sorted[index])
 }
 
 #[cfg(test)]

@@ -1,14 +1,15 @@
-//! Errors of relative poses: how far the motion between two instants is from the one that is known.
+//! Errors of relative poses: the difference between the estimated and the known motion between two
+//! instants.
 //!
-//! A relation says where the robot was at one time, seen from where it was at another. The error of a trajectory is what is left of
-//! its own motion between the two after the known one is taken away, its distance and its turn, averaged over the relations
-//! (Kümmerle et al., On Measuring the Accuracy of SLAM Algorithms, 2009). No frame has to be aligned, and a mistake in one
-//! place is not counted again in every later one.
+//! A relation is the robot's pose at one time, relative to its pose at another. The error is the known
+//! relative pose, inverted, times the estimated one: its distance and its angle, averaged over the
+//! relations (Kümmerle et al., On Measuring the Accuracy of SLAM Algorithms, 2009). No frames have to
+//! be aligned, and an error at one location does not count again at all later ones.
 
 use serde::Serialize;
-use slamd_core::geometry::Pose2;
+use slamd_core::Pose2;
 
-/// Where the robot was at `to_s`, in its frame at `from_s`.
+/// The robot's pose at `to_s`, in its frame at `from_s`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Relation {
     /// Seconds, on the trajectory's clock.
@@ -20,7 +21,7 @@ pub struct Relation {
 }
 
 impl Relation {
-    /// Reads `t1 t2 x y z roll pitch yaw`; none where that is something else.
+    /// Parses `t1 t2 x y z roll pitch yaw`; `None` for anything else.
     #[must_use]
     pub fn parse(line: &str) -> Option<Self> {
         let numbers: Vec<f64> = line.split_whitespace().map(|word| word.parse().ok()).collect::<Option<_>>()?;
@@ -31,10 +32,10 @@ impl Relation {
     }
 }
 
-/// The errors over all relations that the trajectory spans.
+/// The errors over all relations within the trajectory's time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct RelationError {
-    /// Relations compared.
+    /// Number of relations compared.
     pub relations: usize,
     /// Mean and median distance, metres.
     pub translation_m: [f64; 2],
@@ -42,7 +43,8 @@ pub struct RelationError {
     pub rotation_deg: [f64; 2],
 }
 
-/// Compares a trajectory, in the order of its times in seconds, with the relations; none where it spans none of them.
+/// Compares a trajectory, in the order of time in seconds, with the relations; `None` if it covers none
+/// of them.
 #[must_use]
 pub fn relation_error(trajectory: &[(f64, Pose2)], relations: &[Relation]) -> Option<RelationError> {
     let (mut distances_m, mut turns_deg) = (Vec::new(), Vec::new());
@@ -61,7 +63,7 @@ pub fn relation_error(trajectory: &[(f64, Pose2)], relations: &[Relation]) -> Op
     })
 }
 
-/// The pose at a time, interpolated; none before the first and after the last.
+/// The interpolated pose at a time; `None` before the first and after the last.
 fn pose_at(trajectory: &[(f64, Pose2)], at_s: f64) -> Option<Pose2> {
     let after = trajectory.partition_point(|(t_s, _)| *t_s < at_s);
     let (t1_s, next) = *trajectory.get(after)?;
@@ -85,7 +87,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_error_is_what_is_left_of_the_motion_in_any_frame() {
+    fn the_error_does_not_depend_on_the_frame() {
         let frame = Pose2::new(3.0, -4.0, 2.0);
         let path: Vec<(f64, Pose2)> =
             (0..5).map(|i| (f64::from(i), frame * Pose2::new(f64::from(i), 0.0, 0.1 * f64::from(i)))).collect();
@@ -109,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn relations_are_read() {
+    fn relations_are_parsed() {
         let relation = Relation::parse("1216.5 1217.25 0.4 -0.01 0 0 0 -0.07").unwrap();
         assert_eq!(relation, Relation { from_s: 1216.5, to_s: 1217.25, moved: Pose2::new(0.4, -0.01, -0.07) });
         assert_eq!(Relation::parse("1 2 3"), None);

@@ -1,9 +1,11 @@
-//! Relative pose error (RPE): how far a step of the estimate is from the same step of the truth, whatever came before.
+//! Relative pose error (RPE): the difference between a step of the estimate and the same step of the
+//! truth. Earlier errors do not matter.
 //!
 //! E_i = (Q_i⁻¹ Q_j)⁻¹ (P_i⁻¹ P_j) for true poses Q and estimates P, j = i + step, and i in steps, so that no two spans overlap
-//! (Sturm et al., IROS 2012; as evo does without `--all_pairs`). No alignment is needed: a frame cancels itself out.
+//! (Sturm et al., IROS 2012; as evo does without `--all_pairs`). No alignment is needed, because the
+//! frames cancel.
 
-use slamd_core::geometry::Pose2;
+use slamd_core::Pose2;
 
 /// The errors over a whole run.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,7 +16,8 @@ pub struct RelativeError {
     pub rotation_rmse_deg: f64,
 }
 
-/// The errors of steps of `step` pairs of (estimated, true) poses of the same instants; none where there is no such step.
+/// The errors over steps of `step` pairs of (estimated, true) poses of the same instants; `None` if
+/// there are too few pairs.
 #[must_use]
 pub fn relative_error(pairs: &[(Pose2, Pose2)], step: usize) -> Option<RelativeError> {
     let ends: Vec<&(Pose2, Pose2)> = pairs.iter().step_by(step.max(1)).collect();
@@ -39,7 +42,7 @@ pub fn relative_error(pairs: &[(Pose2, Pose2)], step: usize) -> Option<RelativeE
 mod tests {
     use super::*;
 
-    /// Nine poses in a frame of their own, the last four moved by `jump`, beside the truth; in steps of two.
+    /// The error of nine poses in another frame, the last four moved by `jump`, in steps of two.
     fn with(jump: Pose2) -> RelativeError {
         let frame = Pose2::new(3.0, 1.0, 0.8);
         let pair = |i: i32| {

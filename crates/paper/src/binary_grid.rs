@@ -4,15 +4,14 @@
 //! the paper has neither free space nor forgetting. The heading is sought in the local map only, the occupied cells
 //! within r = Vmax · dt + alpha of the robot (equation 10).
 //!
-//! **An addition.** A map without free space is of no use to who wants to drive by it, so each 8 cm square also has one bit
+//! **An addition.** A map without free space is of no use for driving, so each 8 cm square also has one bit
 //! that says whether a beam's axis has crossed it on the way to its endpoint. It is used in [`BinaryGrid::raster`] only; the
 //! estimator never sees it. Occupied wins, and silence clears nothing: a sensor that is stuck at "nothing in range" must not draw free
 //! space through walls.
 //!
 //! Cells live in tiles of 64 cm that are made on touch, up to a bound; what was refused is counted.
 
-use slamd_core::geometry::{Point, Pose2};
-use slamd_core::mapping::raster::Raster;
+use slamd_core::{Point, Pose2, Raster};
 use std::collections::BTreeMap;
 
 /// Side of a cell, metres.
@@ -45,7 +44,7 @@ pub struct BinaryGrid {
 
 impl BinaryGrid {
     /// Equations 5 and 6 for one reliable beam: its endpoint is occupied, its axis up to there is free. `sensor` and `endpoint` are
-    /// metres in the robot frame. Places that are not finite or do not fit are refused and counted.
+    /// metres in the robot frame. Points that are not finite or do not fit are refused and counted.
     pub fn mark(&mut self, map_from_robot: Pose2, sensor: Point, endpoint: Point) {
         let (from, to) = (map_from_robot.transform(sensor), map_from_robot.transform(endpoint));
         let Some((column, row)) = cell(to) else {
@@ -77,14 +76,14 @@ impl BinaryGrid {
         }
     }
 
-    /// Beams and squares that found no place.
+    /// Beams and squares that did not fit.
     #[must_use]
     pub fn refused(&self) -> u64 {
         self.refused
     }
 
     /// The map drawn over all tiles: occupied 100, crossed by a beam 0, else unknown. Cells are 1 cm, doubled until there are no more
-    /// than [`slamd_core::mapping::raster::MAX_CELLS`]: a lost robot's map may be large. An empty grid gives an empty raster.
+    /// than [`slamd_core::stages::raster::MAX_CELLS`]: a lost robot's map may be large. An empty grid gives an empty raster.
     #[must_use]
     pub fn raster(&self) -> Raster {
         let Some(((left, right), (bottom, top))) = self.bounds() else {
@@ -103,8 +102,8 @@ impl BinaryGrid {
         };
         let mut draw = |(column, row): Index, value: i8| {
             let (x, y) = (column - left * TILE, row - bottom * TILE);
-            let place = x.unsigned_abs() as usize / merge + y.unsigned_abs() as usize / merge * width;
-            if let Some(drawn) = raster.occupancy.get_mut(place) {
+            let index = x.unsigned_abs() as usize / merge + y.unsigned_abs() as usize / merge * width;
+            if let Some(drawn) = raster.occupancy.get_mut(index) {
                 *drawn = (*drawn).max(value);
             }
         };
@@ -183,12 +182,12 @@ impl Tile {
     }
 }
 
-/// The places of the bits that are set, lowest first.
+/// The indices of the bits that are set, lowest first.
 fn ones(mut bits: u64) -> impl Iterator<Item = i32> {
     std::iter::from_fn(move || {
-        let place = bits.trailing_zeros();
+        let index = bits.trailing_zeros();
         bits &= bits.wrapping_sub(1);
-        (place < u64::BITS).then_some(place.cast_signed())
+        (index < u64::BITS).then_some(index.cast_signed())
     })
 }
 
@@ -204,7 +203,7 @@ fn cell(point: Point) -> Option<Index> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use slamd_core::mapping::raster::MAX_CELLS;
+    use slamd_core::stages::MAX_CELLS;
 
     fn at(raster: &Raster, x: f64, y: f64) -> i8 {
         let (column, row) = raster.cell(Point::new(x, y)).unwrap();

@@ -12,33 +12,21 @@
 //! | S, K | innovation variance H P Hᵀ + R, gain P Hᵀ / S | |
 //!
 //! Prediction: the encoders' step, turned by the heading from the walls. **The paper does not state its measurement model.**
-//! The one chosen here is the simplest that the paper's own pieces allow: each line that the Hough transform finds in the local map
+//! slamd uses the minimum that the paper's parts allow: each line that the Hough transform finds in the local map
 //! (10) is compared with the endpoints that fall near it, and only the offset along the line's normal is used. Offsets on one line
 //! are fused before the update, for they share the line's error.
 //!
-//! Failure cases: fewer than [`MIN_ENDPOINTS`] near a line, or an innovation outside the gate, change nothing; without any line the
+//! Failure cases: fewer than [`Params::min_endpoints`] near a line, or an innovation outside the gate, change nothing; without any line the
 //! covariance only grows. The heading's error is not in the state, so P is too small while the heading is wrong.
 
+use crate::params::Params;
 use nalgebra::{Matrix2, RowVector2, Vector2};
-use slamd_core::geometry::Point;
-
-/// Endpoints that a line needs before it is used.
-pub const MIN_ENDPOINTS: usize = 3;
-
-/// Endpoints farther from the line belong to something else, metres.
-const NEAR_M: f64 = 0.2;
-/// Range noise of one endpoint, metres.
-const ENDPOINT_SIGMA_M: f64 = 0.03;
-/// Error of a line of the map, metres.
-const LINE_SIGMA_M: f64 = 0.01;
-/// Innovations beyond this many standard deviations are refused.
-const GATE: f64 = 3.5;
-/// Variance gained per metre rolled, square metres.
-const Q_PER_M: f64 = 3e-4;
+use slamd_core::Point;
 
 /// The filter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PaperEkf {
+    params: Params,
     x: Vector2<f64>,
     p: Matrix2<f64>,
 }
@@ -46,8 +34,8 @@ pub struct PaperEkf {
 impl PaperEkf {
     /// Knows its position, `start` in the map frame, to a millimetre.
     #[must_use]
-    pub fn new(start: Point) -> Self {
-        Self { x: start.coords, p: Matrix2::identity() * 1e-6 }
+    pub fn new(start: Point, params: Params) -> Self {
+        Self { params, x: start.coords, p: Matrix2::identity() * 1e-6 }
     }
 
     /// The position in the map frame.
@@ -65,7 +53,7 @@ impl PaperEkf {
     /// Moves by the encoders' step `step_m` (metres, robot frame before the step), turned by the heading before the step.
     pub fn predict(&mut self, heading_rad: f64, step_m: Vector2<f64>) {
         self.x += turned(heading_rad, step_m);
-        self.p += Matrix2::identity() * (Q_PER_M * step_m.norm());
+        self.p += Matrix2::identity() * (self.params.q_per_m * step_m.norm());
     }
 
     /// Compares the endpoints (metres, robot frame) near one line n · p = `rho_m` of the map frame, n at `normal_rad`, with the line.
@@ -73,13 +61,14 @@ impl PaperEkf {
     pub fn update(&mut self, heading_rad: f64, endpoints: &[Point], normal_rad: f64, rho_m: f64) -> Option<f64> {
         let n = turned(normal_rad, Vector2::x());
         let (count, offset) = self.offset(heading_rad, endpoints, n, rho_m)?;
-        let r = ENDPOINT_SIGMA_M * ENDPOINT_SIGMA_M / count + LINE_SIGMA_M * LINE_SIGMA_M;
+        let Params { endpoint_sigma_m, line_sigma_m, gate, .. } = self.params;
+        let r = endpoint_sigma_m * endpoint_sigma_m / count + line_sigma_m * line_sigma_m;
 
         let h: RowVector2<f64> = n.transpose();
         let innovation = -offset;
         let s = (h * self.p * h.transpose()).x + r;
         let nis = innovation * innovation / s;
-        if nis > GATE * GATE {
+        if nis > gate * gate {
             return None;
         }
         let k = self.p * h.transpose() / s;
@@ -95,10 +84,10 @@ impl PaperEkf {
     fn offset(&self, heading_rad: f64, endpoints: &[Point], n: Vector2<f64>, rho_m: f64) -> Option<(f64, f64)> {
         let offsets = || {
             let offset = |e: &Point| n.dot(&(self.x + turned(heading_rad, e.coords))) - rho_m;
-            endpoints.iter().map(offset).filter(|offset| offset.abs() < NEAR_M)
+            endpoints.iter().map(offset).filter(|offset| offset.abs() < self.params.near_m)
         };
         let count = offsets().count();
-        (count >= MIN_ENDPOINTS).then(|| (count as f64, offsets().sum::<f64>() / count as f64))
+        (count >= self.params.min_endpoints).then(|| (count as f64, offsets().sum::<f64>() / count as f64))
     }
 }
 
@@ -123,7 +112,7 @@ mod tests {
     proptest! {
         #[test]
         fn p_stays_symmetric_and_positive(steps in prop::collection::vec((-0.3..0.3f64, -3.1..3.1f64, -3.1..3.1f64), 1..60)) {
-            let mut ekf = PaperEkf::new(Point::origin());
+            let mut ekf = PaperEkf::new(Point::origin(), Params::default());
             for (step, heading, normal) in steps {
                 ekf.predict(heading, Vector2::new(step, 0.1 * step));
                 ekf.update(heading, &seen(ekf.x, heading, normal, 1.0 + 0.1 * step), normal, 1.0);
@@ -138,10 +127,10 @@ mod tests {
             let ends = seen(Vector2::new(x, y), heading, normal, 1.5);
             let n = turned(normal, Vector2::x());
             let h = |dx: f64, dy: f64| {
-                PaperEkf::new(Point::new(x + dx, y + dy)).offset(heading, &ends, n, 1.5).unwrap().1
+                PaperEkf::new(Point::new(x + dx, y + dy), Params::default()).offset(heading, &ends, n, 1.5).unwrap().1
             };
             let step = |dx: f64, dy: f64| {
-                let mut ekf = PaperEkf::new(Point::new(x + dx, y + dy));
+                let mut ekf = PaperEkf::new(Point::new(x + dx, y + dy), Params::default());
                 ekf.predict(heading, Vector2::new(0.2, -0.1));
                 ekf.x
             };
@@ -156,7 +145,8 @@ mod tests {
     #[test]
     fn two_walls_pull_a_wrong_position_home() {
         let truth = Vector2::new(0.4, -0.2);
-        let mut ekf = PaperEkf { x: truth + Vector2::new(0.05, -0.04), p: Matrix2::identity() * 0.01 };
+        let mut ekf =
+            PaperEkf { params: Params::default(), x: truth + Vector2::new(0.05, -0.04), p: Matrix2::identity() * 0.01 };
         for normal in [0.0, 1.5] {
             assert!(ekf.update(0.7, &seen(truth, 0.7, normal, 2.0), normal, 2.0).is_some());
         }
@@ -165,7 +155,7 @@ mod tests {
 
     #[test]
     fn a_wall_beyond_the_gate_or_without_endpoints_changes_nothing() {
-        let ekf = PaperEkf::new(Point::origin());
+        let ekf = PaperEkf::new(Point::origin(), Params::default());
         let mut same = ekf.clone();
         assert_eq!(same.update(0.0, &seen(Vector2::zeros(), 0.0, 0.0, 2.0), 0.0, 2.15), None);
         assert_eq!(same.update(0.0, &[], 0.0, 2.0), None);

@@ -4,29 +4,23 @@
 //! theta = theta(t−1) + dtheta (equation 8). Where |dtheta| exceeds what the robot can turn in one step,
 //! max_turn_rate · dt, the old heading is kept (equation 9), and so it is where either side shows no line.
 //!
-//! **Literal: the encoders have no say.** A step turns no more than half the angle between two walls, or the wrong wall is
+//! **Literal: the encoders are not used.** A step turns no more than half the angle between two walls, or the wrong wall is
 //! the nearest; and while no line is seen the robot is believed not to turn. With cone beams, whose endpoints lie on
 //! arcs rather than on walls, 300 to 600 s of driving on a simulator ended at 99 to 106 degrees of heading RMSE: the heading is lost. With
 //! point beams and walls always in range it holds.
 
 use super::hough::{HoughLines, Line, turn_between};
-use slamd_core::geometry::{Point, wrap_angle};
+use crate::params::Params;
+use slamd_core::{Point, wrap_angle};
 use std::f64::consts::PI;
 
-/// Endpoints that make a line of a sweep.
-const SWEEP_LINE_VOTES: usize = 4;
-/// Cells that make a line of the local map.
-const MAP_LINE_VOTES: usize = 30;
-/// Lines sought in the local map.
-const MAP_LINES: usize = 8;
-/// What a line through a few noisy endpoints is worth, radians: 1.5 degrees.
-const LINE_SIGMA_RAD: f64 = 0.026;
 /// Variance of a heading that may be anything, square radians.
 const UNKNOWN_RAD2: f64 = PI * PI / 3.0;
 
 /// The heading and the accumulators that find it.
 #[derive(Clone, Debug)]
 pub struct Heading {
+    params: Params,
     theta_rad: f64,
     variance_rad2: f64,
     map: HoughLines,
@@ -37,12 +31,13 @@ pub struct Heading {
 impl Heading {
     /// Heading 0 in the map frame, for a local map of `radius_m`.
     #[must_use]
-    pub fn new(radius_m: f64) -> Self {
+    pub fn new(radius_m: f64, params: Params) -> Self {
         Self {
             theta_rad: 0.0,
-            variance_rad2: LINE_SIGMA_RAD * LINE_SIGMA_RAD,
-            map: HoughLines::new(radius_m),
-            sweep: HoughLines::new(radius_m),
+            params,
+            variance_rad2: params.line_sigma_rad * params.line_sigma_rad,
+            map: HoughLines::with_params(radius_m, &params),
+            sweep: HoughLines::with_params(radius_m, &params),
             turned: Vec::new(),
         }
     }
@@ -66,27 +61,27 @@ impl Heading {
         self.map.lines()
     }
 
-    /// Takes a heading from elsewhere: the first map is made with the encoders'.
+    /// Sets the heading: the first map is made with the encoders'.
     pub fn set(&mut self, theta_rad: f64) {
         self.theta_rad = wrap_angle(theta_rad);
     }
 
     /// Equations 7 to 9. `local_map` are occupied cells in the map frame's axes about the robot, `endpoints` the reliable
-    /// endpoints in the robot frame (both metres), `most_turn_rad` is max_turn_rate · dt. Returns dtheta, or none where the old
+    /// endpoints in the robot frame (both metres), `max_turn_rad` is max_turn_rate · dt. Returns dtheta, or none where the old
     /// heading was kept.
-    pub fn update(&mut self, local_map: &[Point], endpoints: &[Point], most_turn_rad: f64) -> Option<f64> {
+    pub fn update(&mut self, local_map: &[Point], endpoints: &[Point], max_turn_rad: f64) -> Option<f64> {
         let (sin, cos) = libm::sincos(self.theta_rad);
         self.turned.clear();
         self.turned.extend(endpoints.iter().map(|p| Point::new(cos * p.x - sin * p.y, sin * p.x + cos * p.y)));
-        let map = self.map.find(local_map, MAP_LINE_VOTES, MAP_LINES);
-        let seen = self.sweep.find(&self.turned, SWEEP_LINE_VOTES, 1);
+        let map = self.map.find(local_map, self.params.map_line_votes, self.params.map_lines);
+        let seen = self.sweep.find(&self.turned, self.params.sweep_line_votes, 1);
 
-        let change = seen.first().and_then(|seen| least_turn(seen, map)).filter(|turn| turn.abs() <= most_turn_rad);
+        let change = seen.first().and_then(|seen| least_turn(seen, map)).filter(|turn| turn.abs() <= max_turn_rad);
         if let Some(turn) = change {
             self.theta_rad = wrap_angle(self.theta_rad + turn);
-            self.variance_rad2 = LINE_SIGMA_RAD * LINE_SIGMA_RAD;
+            self.variance_rad2 = self.params.line_sigma_rad * self.params.line_sigma_rad;
         } else {
-            self.variance_rad2 = (self.variance_rad2 + most_turn_rad * most_turn_rad / 3.0).min(UNKNOWN_RAD2);
+            self.variance_rad2 = (self.variance_rad2 + max_turn_rad * max_turn_rad / 3.0).min(UNKNOWN_RAD2);
         }
         change
     }
@@ -102,7 +97,7 @@ fn least_turn(seen: &Line, map: &[Line]) -> Option<f64> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use slamd_core::geometry::Pose2;
+    use slamd_core::Pose2;
 
     fn corner(step_m: f64, count: i32) -> Vec<Point> {
         let along = (0..count).map(|i| -1.5 + step_m * f64::from(i));
@@ -114,7 +109,7 @@ mod tests {
         fn a_turned_robot_sees_the_walls_turned_the_other_way(turn in -0.2..0.2f64, start in -3.0..3.0f64) {
             let robot_from_map = Pose2::new(0.0, 0.0, start + turn).inverse();
             let seen: Vec<Point> = corner(0.3, 10).into_iter().map(|p| robot_from_map.transform(p)).collect();
-            let mut heading = Heading::new(4.0);
+            let mut heading = Heading::new(4.0, Params::default());
             heading.set(start);
             let change = heading.update(&corner(0.01, 300), &seen, 0.25);
             prop_assert!((change.unwrap() - turn).abs() < 0.01, "{change:?}");
@@ -126,7 +121,7 @@ mod tests {
     fn an_impossible_turn_keeps_the_old_heading() {
         let robot_from_map = Pose2::new(0.0, 0.0, 0.4).inverse();
         let seen: Vec<Point> = corner(0.3, 10).into_iter().map(|p| robot_from_map.transform(p)).collect();
-        let mut heading = Heading::new(4.0);
+        let mut heading = Heading::new(4.0, Params::default());
         let before = heading.variance_rad2();
         assert_eq!(heading.update(&corner(0.01, 300), &seen, 0.25), None);
         assert!(heading.theta_rad() == 0.0 && heading.variance_rad2() > before);
@@ -134,7 +129,7 @@ mod tests {
 
     #[test]
     fn without_lines_the_heading_is_kept() {
-        let mut heading = Heading::new(4.0);
+        let mut heading = Heading::new(4.0, Params::default());
         assert_eq!(heading.update(&[], &corner(0.3, 10), 0.25), None);
         assert_eq!(heading.update(&corner(0.01, 300), &[], 0.25), None);
     }

@@ -8,8 +8,9 @@
 //! Failure cases: fewer points than asked for, or none in line, give no line. Points that are not finite or out of the accumulator's
 //! radius do not vote. Of more than 2048 points every second, third, ... votes, which bounds the time.
 
+use crate::params::Params;
 use nalgebra::Vector2;
-use slamd_core::geometry::Point;
+use slamd_core::Point;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// One line.
@@ -36,6 +37,10 @@ impl Line {
 #[derive(Clone, Debug)]
 pub struct HoughLines {
     radius_m: f64,
+    /// Points this near are on the line, metres.
+    band_m: f64,
+    /// Times that a line is fitted anew to the points near it.
+    refinements: usize,
     columns: usize,
     /// (cos, sin) of each row's theta.
     rows: Vec<(f64, f64)>,
@@ -47,17 +52,19 @@ pub struct HoughLines {
 
 const ROWS: usize = 90;
 const RHO_M: f64 = 0.05;
-/// Points this near are on the line, metres.
-const BAND_M: f64 = 0.08;
 const MAX_VOTERS: usize = 2048;
-/// A better line has other points near it, and so on.
-const REFINEMENTS: usize = 3;
 
 impl HoughLines {
     /// An accumulator for points up to `radius_m` from the origin.
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a radius of metres, at least 0")]
     pub fn new(radius_m: f64) -> Self {
+        Self::with_params(radius_m, &Params::default())
+    }
+
+    /// The same with other constants.
+    #[must_use]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a radius of metres, at least 0")]
+    pub fn with_params(radius_m: f64, params: &Params) -> Self {
         let columns = (2.0 * radius_m.max(0.0) / RHO_M).ceil() as usize + 2;
         let row = |row: usize| {
             let (sin, cos) = libm::sincos(PI * row as f64 / ROWS as f64);
@@ -65,6 +72,8 @@ impl HoughLines {
         };
         Self {
             radius_m,
+            band_m: params.band_m,
+            refinements: params.refinements,
             columns,
             rows: (0..ROWS).map(row).collect(),
             votes: vec![0; ROWS * columns],
@@ -138,9 +147,9 @@ impl HoughLines {
 
     /// The total least-squares line through the voters near `line`; none where they do not define one.
     fn refine(&self, mut line: Line) -> Option<Line> {
-        for _ in 0..REFINEMENTS {
+        for _ in 0..self.refinements {
             let n = line.normal();
-            let near = || self.voters.iter().filter(|voter| (n.dot(&voter.coords) - line.rho_m).abs() < BAND_M);
+            let near = || self.voters.iter().filter(|voter| (n.dot(&voter.coords) - line.rho_m).abs() < self.band_m);
             let count = near().count() as f64;
             if count < 2.0 {
                 return None;
@@ -169,7 +178,7 @@ impl HoughLines {
         let mut kept = 0;
         for index in 0..self.voters.len() {
             let voter = self.voters[index];
-            if (n.dot(&voter.coords) - line.rho_m).abs() >= BAND_M {
+            if (n.dot(&voter.coords) - line.rho_m).abs() >= self.band_m {
                 self.voters.swap(kept, index);
                 kept += 1;
             }
@@ -193,7 +202,7 @@ pub fn turn_between(from_rad: f64, to_rad: f64) -> f64 {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use slamd_core::geometry::Pose2;
+    use slamd_core::Pose2;
 
     /// A 4 by 2.4 m rectangle about (0.3, 0.2), points every 5 cm; `noise(i)` is across the wall, metres.
     fn rectangle(noise: impl Fn(usize) -> f64) -> Vec<Point> {

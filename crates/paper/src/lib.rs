@@ -1,7 +1,7 @@
 //! The paper's method, literal: PCA fault detection, Hough heading, EKF position, 1 cm binary grid.
 //!
 //! [`Paper::update`] is the whole method in order. The map frame is the robot's first pose. For the first
-//! [`FIRST_MAP_SWEEPS`] the encoders are believed: nine sweeps until the first verdict on the sensors, and nine more whose reliable
+//! [`Params::first_map_sweeps`] the pose is the encoders': nine sweeps until the first verdict on the sensors, and nine more whose reliable
 //! endpoints become the first map; from then on the heading comes from walls alone. What the paper leaves open is said where it is filled
 //! in: the measurement model in `ekf`, free space in
 //! `binary_grid`, two more faults in `detector`.
@@ -11,28 +11,19 @@ pub mod detector;
 pub mod ekf;
 pub mod heading;
 pub mod hough;
+pub mod params;
 
 use crate::binary_grid::BinaryGrid;
-use crate::detector::{FIRST_VERDICT_SWEEPS, PaperDetector};
+use crate::detector::PaperDetector;
 use crate::ekf::PaperEkf;
 use crate::heading::Heading;
+use crate::params::Params;
 use nalgebra::Matrix3;
 use nalgebra::Vector2;
-use slamd_core::config::Config;
-use slamd_core::config::Method;
-use slamd_core::event::{Estimate, Event, SensorState, Verdict};
-use slamd_core::geometry::{Point, Pose2, Ring, Segment};
-use slamd_core::mapping::grid::MapChange;
-use slamd_core::mapping::raster::Raster;
-use slamd_core::pipeline::{self, Estimator, Pipeline, Start};
-use slamd_core::saved_state::InvalidState;
-use slamd_core::sweep::Sweep;
-
-/// Sweeps whose pose is the encoders': until the first verdict, and as many again for the first map.
-pub const FIRST_MAP_SWEEPS: u64 = 2 * FIRST_VERDICT_SWEEPS;
-
-/// The longest step between two sweeps that is believed, seconds; it bounds the local map.
-const LONGEST_STEP_S: f64 = 1.0;
+use slamd_core::{
+    Config, Estimate, Estimator, Event, InvalidState, MapChange, Method, Pipeline, Point, Pose2, Raster, Ring, Segment,
+    SensorState, Start, Sweep, Verdict, built_in,
+};
 
 /// Both methods: this one where the configuration asks for it, else those of the core.
 ///
@@ -42,7 +33,7 @@ pub fn methods(config: &Config, ring: &Ring, start: &Start) -> Result<Box<dyn Es
     match (config.method, start) {
         (Method::Paper, Start::Fresh) => Ok(Box::new(Paper::new(config, ring))),
         (Method::Paper, _) => Err(InvalidState("the paper's method cannot begin with a known map")),
-        _ => pipeline::built_in(config, ring, start),
+        _ => built_in(config, ring, start),
     }
 }
 
@@ -57,6 +48,7 @@ pub fn pipeline(config: &Config, start: Start) -> Result<Pipeline, InvalidState>
 /// The method's state.
 #[derive(Clone, Debug)]
 pub struct Paper {
+    params: Params,
     max_speed_m_s: f64,
     max_turn_rate_rad_s: f64,
     /// alpha: from the robot's middle to the farthest endpoint, metres.
@@ -77,15 +69,22 @@ impl Paper {
     /// The method for a ring of sensors; the robot stands at the origin of the map frame.
     #[must_use]
     pub fn new(config: &Config, ring: &Ring) -> Self {
-        let off_centre_m = |m: &slamd_core::geometry::Mounting| m.robot_from_sensor.position().coords.norm();
+        Self::with_params(config, ring, Params::default())
+    }
+
+    /// The same with other constants.
+    #[must_use]
+    pub fn with_params(config: &Config, ring: &Ring, params: Params) -> Self {
+        let off_centre_m = |m: &slamd_core::Mounting| m.robot_from_sensor.position().coords.norm();
         let reach_m = config.ring.max_range_m + ring.mountings.iter().map(off_centre_m).fold(0.0, f64::max);
         Self {
+            params,
             max_speed_m_s: config.robot.max_speed_m_s,
             max_turn_rate_rad_s: config.robot.max_turn_rate_rad_s,
             reach_m,
-            detector: PaperDetector::new(ring.len(), config.ring.max_range_m),
-            heading: Heading::new(reach_m + config.robot.max_speed_m_s * LONGEST_STEP_S),
-            ekf: PaperEkf::new(Point::origin()),
+            detector: PaperDetector::new(ring.len(), config.ring.max_range_m, params),
+            heading: Heading::new(reach_m + config.robot.max_speed_m_s * params.longest_step_s, params),
+            ekf: PaperEkf::new(Point::origin(), params),
             grid: BinaryGrid::default(),
             sweeps: 0,
             odometry: None,
@@ -101,10 +100,10 @@ impl Estimator for Paper {
         self.detector.inspect(sweep, events); // (1)-(4)
         self.keep_reliable(sweep);
         let step = self.odometry.map_or_else(Pose2::default, |before| before.inverse() * sweep.odometry);
-        let elapsed_s = sweep.elapsed_s.clamp(0.0, LONGEST_STEP_S);
+        let elapsed_s = sweep.elapsed_s.clamp(0.0, self.params.longest_step_s);
 
         self.ekf.predict(self.heading.theta_rad(), step.position().coords);
-        if self.sweeps < FIRST_MAP_SWEEPS {
+        if self.sweeps < self.params.first_map_sweeps() {
             self.heading.set(self.heading.theta_rad() + step.theta_rad);
         } else {
             let about = self.ekf.position();
@@ -113,7 +112,7 @@ impl Estimator for Paper {
             self.heading.update(&self.local_map, &self.endpoints, self.max_turn_rate_rad_s * elapsed_s); // (7)-(9)
             self.correct_position(about);
         }
-        if self.sweeps >= FIRST_VERDICT_SWEEPS {
+        if self.sweeps >= self.params.first_verdict_sweeps {
             for (sensor, endpoint) in self.sensors.iter().zip(&self.endpoints) {
                 self.grid.mark(self.pose(), *sensor, *endpoint); // (5)(6)
             }

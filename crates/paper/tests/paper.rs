@@ -2,14 +2,13 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use slamd_core::config::Config;
-use slamd_core::event::{Estimate, Event, FaultEvent, FaultKind, SensorState};
-use slamd_core::geometry::{Point, Pose2, Ring, wrap_angle};
-use slamd_core::pipeline::Estimator;
-use slamd_core::sweep::{Beam, NoMeasurement, Sweep};
-use slamd_core::time::Timestamp;
+use slamd_core::{
+    Beam, Config, Estimate, Estimator, Event, FaultEvent, FaultKind, NoMeasurement, Point, Pose2, Ring, SensorState,
+    Sweep, Timestamp, wrap_angle,
+};
 use slamd_paper::Paper;
-use slamd_paper::detector::{IGNORED_SWEEPS, PaperDetector};
+use slamd_paper::detector::PaperDetector;
+use slamd_paper::params::Params;
 
 const SENSORS: u8 = 32;
 const MAX_RANGE_M: f64 = 3.0;
@@ -159,7 +158,7 @@ fn the_papers_eight_faults_leave_heading_position_and_walls() {
 
 /// The detector alone on such a drive: its events, and the number of sweeps for which each sensor was ignored.
 fn judge(sweeps: u32, mut fault: impl FnMut(usize, u32, f64, &mut Dice) -> f64) -> (Vec<FaultEvent>, Vec<u32>) {
-    let mut detector = PaperDetector::new(usize::from(SENSORS), MAX_RANGE_M);
+    let mut detector = PaperDetector::new(usize::from(SENSORS), MAX_RANGE_M, Params::default());
     let (mut dice, mut events, mut ignored) = (Dice(3), Vec::new(), vec![0; usize::from(SENSORS)]);
     for k in 0..sweeps {
         let sweep = sweep(k, &mut dice, &mut |sensor, healthy, dice| fault(sensor, k, healthy, dice));
@@ -233,7 +232,8 @@ fn noisy_sensors_that_recover_are_forgiven_after_the_stated_time() {
     let of_nine: Vec<&FaultEvent> = faults.iter().filter(|fault| fault.sensor == 9).collect();
     let forgiven = of_nine.iter().find(|fault| fault.state == SensorState::Healthy).unwrap();
     let sweeps = forgiven.at.us() / 100_000;
-    assert!((29 + IGNORED_SWEEPS..29 + IGNORED_SWEEPS + 18).contains(&sweeps), "{of_nine:?}");
+    let ignored_sweeps = Params::default().ignored_sweeps;
+    assert!((29 + ignored_sweeps..29 + ignored_sweeps + 18).contains(&sweeps), "{of_nine:?}");
 }
 
 #[test]

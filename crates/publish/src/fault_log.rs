@@ -1,7 +1,7 @@
 //! `faults.csv`: one line for each change of a sensor's or a wheel encoder's state.
 
 use super::WriteError;
-use slamd_core::event::{EncoderEvent, EncoderState, FaultEvent, SensorState};
+use slamd_core::{EncoderEvent, EncoderState, FaultEvent, SensorState};
 use slamd_files::PartFile;
 use std::path::Path;
 
@@ -50,8 +50,7 @@ fn encoder_line(encoder: &EncoderEvent) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slamd_core::event::{FaultKind, Wheel};
-    use slamd_core::time::Timestamp;
+    use slamd_core::{FaultKind, Timestamp, Wheel};
 
     #[test]
     fn a_line_names_time_sensor_state_and_kind() {

@@ -10,8 +10,7 @@ mod summary;
 mod track;
 mod trajectory;
 
-pub use map_file::{grey, grey_png, write_map};
-pub use picture::{Curve, Plot};
+pub use map_file::{FREE_PERCENT, OCCUPIED_PERCENT, grey, grey_png, write_map};
 pub use pose_table::PoseTable;
 pub use sketch::{Sketch, Surroundings};
 pub use slamd_files::WriteError;
@@ -21,11 +20,10 @@ pub use trajectory::Trajectory;
 
 use fault_log::FaultLog;
 use localization_log::LockLog;
-use slamd_core::config::Config;
-use slamd_core::event::{Calibration, Counters, EncoderState, Event, LocalizationChange, SensorState, Wheel};
-use slamd_core::geometry::{Pose2, Ring};
-use slamd_core::mapping::raster::Raster;
-use slamd_core::time::Timestamp;
+use slamd_core::{
+    Calibration, Config, Counters, EncoderState, Event, LocalizationChange, Pose2, Raster, Ring, SensorState,
+    Timestamp, Wheel,
+};
 use slamd_files::private;
 use slamd_metrics::{AccuracyMeter, FaultMeter, TrueFault};
 use std::io;
@@ -40,7 +38,7 @@ pub struct FinalState<'a> {
     pub config: &'a Config,
     /// The map.
     pub raster: &'a Raster,
-    /// The sensors' places.
+    /// Where the sensors sit.
     pub ring: &'a Ring,
     /// The sensors' states, by id.
     pub states: &'a [SensorState],
@@ -124,8 +122,8 @@ impl Outputs {
             }
             Event::Encoder(encoder) => {
                 self.fault_log.append_encoder(encoder);
-                let place = usize::from(encoder.wheel == Wheel::Right);
-                self.encoders[place] = (encoder.state != EncoderState::Healthy).then(|| EncoderFault::new(encoder));
+                let wheel = usize::from(encoder.wheel == Wheel::Right);
+                self.encoders[wheel] = (encoder.state != EncoderState::Healthy).then(|| EncoderFault::new(encoder));
             }
             Event::Board { .. }
             | Event::Ring { .. }

@@ -1,7 +1,7 @@
-//! `lock.csv`: when the robot lost its place and found it again, and from when on its poses were uncertain.
+//! `lock.csv`: when the robot lost its pose and found it again, and since when its poses were uncertain.
 
 use super::WriteError;
-use slamd_core::event::{LocalizationChange, LocalizationEvent};
+use slamd_core::{LocalizationChange, LocalizationEvent};
 use slamd_files::PartFile;
 use std::path::Path;
 
@@ -36,7 +36,7 @@ impl LockLog {
         self.file.append(line.as_bytes());
     }
 
-    /// How often the place was lost.
+    /// How often the pose was lost.
     pub(super) const fn losses(&self) -> u64 {
         self.losses
     }

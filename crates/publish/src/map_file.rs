@@ -4,14 +4,14 @@
 //! unknown grey 205 is 0.19608, just not free; with the widespread `free_thresh: 0.25` it would be.
 
 use super::WriteError;
-use slamd_core::mapping::raster::Raster;
+use slamd_core::Raster;
 use slamd_files::write_file;
 use std::path::Path;
 
 /// Occupied from here on, percent.
-pub(super) const OCCUPIED_PERCENT: i8 = 65;
+pub const OCCUPIED_PERCENT: i8 = 65;
 /// Free up to here, percent.
-pub(super) const FREE_PERCENT: i8 = 19;
+pub const FREE_PERCENT: i8 = 19;
 
 /// Writes `NAME.pgm` and `NAME.yaml` and returns the SHA-256 of the picture.
 ///
@@ -81,7 +81,7 @@ const UNKNOWN: u8 = 205;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slamd_core::geometry::Point;
+    use slamd_core::Point;
 
     /// map_server's rule, from `map_io.cpp`.
     fn map_server(pixel: u8) -> i8 {

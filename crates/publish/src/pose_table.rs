@@ -1,7 +1,7 @@
 //! Poses as a table for spreadsheets and scripts: a CSV file with a head, one row per pose.
 
 use super::WriteError;
-use slamd_core::event::Estimate;
+use slamd_core::Estimate;
 use slamd_files::PartFile;
 use std::path::Path;
 
@@ -39,7 +39,7 @@ impl PoseTable {
 
 fn line(estimate: &Estimate) -> String {
     let Estimate { at, pose, covariance, .. } = estimate;
-    let [x_m2, y_m2, theta_rad2] = [0, 1, 2].map(|place| covariance[(place, place)]);
+    let [x_m2, y_m2, theta_rad2] = [0, 1, 2].map(|axis| covariance[(axis, axis)]);
     format!(
         "{:.6},{:.6},{:.6},{:.6},{x_m2:.3e},{y_m2:.3e},{theta_rad2:.3e}\n",
         at.seconds(),
@@ -53,8 +53,7 @@ fn line(estimate: &Estimate) -> String {
 mod tests {
     use super::*;
     use nalgebra::{Matrix3, Vector3};
-    use slamd_core::geometry::Pose2;
-    use slamd_core::time::Timestamp;
+    use slamd_core::{Pose2, Timestamp};
 
     #[test]
     fn a_row_has_as_many_columns_as_the_head() {

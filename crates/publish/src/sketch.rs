@@ -2,9 +2,7 @@
 
 use super::picture::{self, Scene};
 use super::track::Track;
-use slamd_core::event::{Estimate, SensorState};
-use slamd_core::geometry::{Point, Pose2, Ring};
-use slamd_core::mapping::raster::Raster;
+use slamd_core::{Estimate, Point, Pose2, Raster, Ring, SensorState};
 use std::io;
 
 /// The path so far, in bounded memory.
@@ -21,7 +19,7 @@ pub struct Sketch {
 pub struct Surroundings<'a> {
     /// The map.
     pub raster: &'a Raster,
-    /// The sensors' places.
+    /// Where the sensors sit.
     pub ring: &'a Ring,
     /// The sensors' states, by id.
     pub states: &'a [SensorState],
@@ -46,7 +44,7 @@ impl Sketch {
         self.draw_with_truth(around, &[], None)
     }
 
-    /// The same with the true path in the map frame, and how far off ours is, metres; empty and none where nobody knows it.
+    /// The same with the true path in the map frame, and how far off ours is, metres; empty and none where it is unknown.
     pub(super) fn draw_with_truth(
         &self,
         around: Surroundings<'_>,

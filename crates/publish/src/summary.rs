@@ -2,7 +2,7 @@
 
 use hdrhistogram::Histogram;
 use serde::Serialize;
-use slamd_core::event::{Calibration, Counters, EncoderEvent, KnownMapSearch, SearchState};
+use slamd_core::{Calibration, Counters, EncoderEvent, KnownMapSearch, SearchState};
 use slamd_metrics::{Accuracy, FaultScore};
 use std::fmt;
 use std::time::Duration;
@@ -18,7 +18,7 @@ pub struct Summary {
     pub crc_errors: u64,
     /// Frames that the sequence numbers say are missing.
     pub lost_frames: u64,
-    /// How often the robot lost its place on the map.
+    /// How often the robot lost its pose on the map.
     pub lock_losses: u64,
     /// Seconds of poses that `lock.csv` calls uncertain.
     pub uncertain_s: f64,

@@ -1,7 +1,6 @@
 use super::*;
 use nalgebra::Matrix3;
-use slamd_core::event::{Estimate, FaultEvent, FaultKind};
-use slamd_core::geometry::Point;
+use slamd_core::{Estimate, FaultEvent, FaultKind, Point};
 use std::fs;
 
 /// A flat of three rooms with a path, an odometry that drifts off, and the truth.

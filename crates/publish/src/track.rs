@@ -1,6 +1,6 @@
 //! A path for a picture: bounded memory however long the run.
 
-use slamd_core::geometry::Point;
+use slamd_core::Point;
 
 /// The corners of a path, thinned out evenly where they become many, and its whole length.
 #[derive(Clone, Debug, Default)]

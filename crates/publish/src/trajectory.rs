@@ -1,8 +1,7 @@
 //! Trajectories as TUM files: `t x y z qx qy qz qw` per line, seconds and metres, as the evaluation tools evo and rpg read.
 
 use super::WriteError;
-use slamd_core::geometry::Pose2;
-use slamd_core::time::Timestamp;
+use slamd_core::{Pose2, Timestamp};
 use slamd_files::PartFile;
 use std::path::Path;
 

@@ -1,10 +1,9 @@
-//! The board: fires the ring group by group, latches the encoders, answers the host.
+//! The simulated board: fires the ring group by group, latches the encoders, answers the host.
 
 use super::fault::Reading;
 use super::random::Random;
 use super::robot::TICKS_PER_TURN;
-use slamd_core::geometry::Ring;
-use slamd_core::time::Timestamp;
+use slamd_core::{Ring, Timestamp};
 use slamd_protocol::{
     AckResult, Echo, Encoder, FrameBuf, FrameDecoder, FrameEncoder, Geometry, Hello, Message, Placement, SensorEcho,
     Setting, Sonar, Status, Text, VERSION_MAJOR, VERSION_MINOR,
@@ -14,10 +13,10 @@ use std::time::Duration;
 /// True temperature of the air, degrees Celsius.
 const AIR_C: f64 = 21.5;
 
-/// Microseconds from one group's trigger to the next: 3 m and back take 17.5 ms.
+/// Microseconds from one group's trigger to the next. An echo from 3 m takes 17.5 ms.
 pub const SLOT_US: u64 = 25_000;
 
-/// The board's state.
+/// A simulated board with its protocol state and settings.
 #[derive(Debug)]
 pub struct Board {
     ring: Ring,
@@ -28,7 +27,7 @@ pub struct Board {
     rate: f64,
     frames: u32,
     is_streaming: bool,
-    /// The host has said something since the board's start.
+    /// True once the host has sent a valid frame since the board's start.
     is_greeted: bool,
     settings: [i32; Setting::ALL.len()],
     /// Encoder counts at the start of the board.
@@ -37,7 +36,7 @@ pub struct Board {
 }
 
 impl Board {
-    /// A board whose clock runs `drift_ppm` fast or slow, by the seed's choice, from anywhere.
+    /// A board whose clock is off by `drift_ppm`. Random are the sign, the boot id and the clock's start.
     #[must_use]
     pub fn new(ring: Ring, drift_ppm: f64, mut random: Random) -> Self {
         let [boot_id, boot_us] = [random.bits() & 0xFFFF_FFFF, random.bits() & 0xFFFF_FFFF];
@@ -57,7 +56,8 @@ impl Board {
         }
     }
 
-    /// The board loses its supply for a moment at `at`: it begins anew with other numbers, and waits for the host.
+    /// Simulates a brief loss of power at `at`: the board boots with a new boot id, clock and
+    /// tick origin, and waits for the host.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "microseconds of a session")]
     pub fn restart(&mut self, at: Timestamp, ticks: [i32; 2]) -> FrameBuf {
         self.boot_id = u32::from_le_bytes(self.random.bits().to_le_bytes()[..4].try_into().unwrap_or_default());
@@ -68,13 +68,13 @@ impl Board {
         self.hello()
     }
 
-    /// The board's clock goes on by `span` while nothing else does.
+    /// Advances the board's clock by `span` and changes nothing else.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "microseconds of a session")]
     pub fn pass(&mut self, span: Duration) {
         self.boot_us = self.boot_us.wrapping_add((span.as_secs_f64() * 1e6 * self.rate) as u64);
     }
 
-    /// The ring.
+    /// The sensors' mountings and firing groups.
     #[must_use]
     pub fn ring(&self) -> &Ring {
         &self.ring
@@ -86,7 +86,7 @@ impl Board {
         self.is_streaming
     }
 
-    /// True once the host has said something: until then the board goes on saying hello.
+    /// True once the host has sent a valid frame. Until then the board repeats its Hello.
     #[must_use]
     pub fn is_greeted(&self) -> bool {
         self.is_greeted
@@ -99,7 +99,7 @@ impl Board {
         self.boot_us.wrapping_add((at.us() as f64 * self.rate) as u64) as u32
     }
 
-    /// Bytes from the host; what the board answers.
+    /// Handles bytes from the host and returns the answers.
     pub fn hear(&mut self, at: Timestamp, bytes: &[u8]) -> Vec<FrameBuf> {
         let mut answers = Vec::new();
         for &byte in bytes {
@@ -147,7 +147,7 @@ impl Board {
         self.settings[usize::from(setting.key()) - 1]
     }
 
-    /// The ring is built as it is; how the wheels are wired can be told.
+    /// Accepts changes of the wheels' wiring only: the ring is fixed.
     fn set(&mut self, setting: Setting, value: i32) -> AckResult {
         if value == self.setting(setting) {
             return AckResult::Done;
@@ -160,7 +160,7 @@ impl Board {
         AckResult::Done
     }
 
-    /// The wheels' counts as the board tells them.
+    /// The wheels' counts as the board reports them: since boot, swapped and reversed as configured.
     fn counts(&self, ticks: [i32; 2]) -> [i32; 2] {
         let since_boot = [0, 1].map(|wheel| ticks[wheel].wrapping_sub(self.ticks_at_boot[wheel]));
         let sign = |setting| if self.setting(setting) == 1 { -1 } else { 1 };
@@ -169,7 +169,7 @@ impl Board {
         [left.wrapping_mul(sign(Setting::LeftReversed)), right.wrapping_mul(sign(Setting::RightReversed))]
     }
 
-    /// Who the board is.
+    /// The board's identity and protocol version.
     pub fn hello(&mut self) -> FrameBuf {
         self.frame(&Message::Hello(Hello {
             major: VERSION_MAJOR,
@@ -186,7 +186,7 @@ impl Board {
         }))
     }
 
-    /// One fired group, its encoders latched at the trigger.
+    /// The readings of one firing group, with the encoder counts at the trigger.
     pub fn sonar(
         &mut self,
         trigger: Timestamp,
@@ -215,13 +215,13 @@ impl Board {
         self.frame(&Message::Sonar(sonar))
     }
 
-    /// The encoders now.
+    /// An encoder message at `at`.
     pub fn encoders(&mut self, at: Timestamp, ticks: [i32; 2]) -> FrameBuf {
         let (t_us, ticks) = (self.clock_us(at), self.counts(ticks));
         self.frame(&Message::Encoder(Encoder { t_us, left_ticks: ticks[0], right_ticks: ticks[1], flags: 0 }))
     }
 
-    /// How the board fares.
+    /// The board's status report.
     #[expect(clippy::cast_possible_truncation, reason = "an air temperature")]
     pub fn status(&mut self, at: Timestamp) -> FrameBuf {
         self.frame(&Message::Status(Status {
@@ -283,8 +283,8 @@ fn settings(ring: &Ring) -> [i32; Setting::ALL.len()] {
     values
 }
 
-/// Time of flight there and back.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a range within the sensor's")]
+/// Time of flight to a surface at `range_m` and back.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a range within the sensor's limits")]
 fn flight(range_m: f64) -> Echo {
     Echo::from_flight_us((range_m * 2e6 / (331.3 + 0.606 * AIR_C)).round() as u32)
 }

@@ -2,7 +2,7 @@
 
 use super::floor_plan::{FloorPlan, Rectangle, box_faces};
 use super::world::World;
-use slamd_core::geometry::Point;
+use slamd_core::Point;
 
 impl World {
     /// The names of the built-in worlds.
@@ -48,7 +48,8 @@ fn flat() -> World {
     World::new("flat", FloorPlan { free: &free, blocks: &blocks }.faces(), Point::new(2.4, 2.2), None)
 }
 
-/// 30 x 20 m: a corridor 2 m wide round a core of two halls, offices outside; the corner offices open into their neighbours.
+/// 30 x 20 m: a corridor 2 m wide around a core of two halls, with offices outside. The corner
+/// offices open into their neighbours.
 fn office() -> World {
     const CORRIDORS: [Rectangle; 4] =
         [[5.0, 5.0, 25.0, 7.0], [5.0, 13.0, 25.0, 15.0], [5.0, 5.0, 7.0, 15.0], [23.0, 5.0, 25.0, 15.0]];
@@ -95,7 +96,7 @@ fn office() -> World {
     World::new("office", FloorPlan { free: &free, blocks: &blocks }.faces(), Point::new(8.0, 6.0), None)
 }
 
-/// A room of 8 x 6 m with upright furniture and three obstacles turned by 30 degrees.
+/// A room of 8 x 6 m with axis-aligned furniture and three obstacles turned by 30 degrees.
 fn furnished() -> World {
     const FURNITURE: [Rectangle; 6] = [
         [0.4, 0.0, 2.4, 0.9],
@@ -113,7 +114,8 @@ fn furnished() -> World {
     World::new("furnished", faces, Point::new(2.2, 2.2), None)
 }
 
-/// A flat of 12 x 10 m, for comparison with figures that others got on that size: four rooms and a bath round a hall.
+/// A flat of 12 x 10 m: four rooms and a bath around a hall. Published results for homes of this
+/// size can be compared with it.
 fn home() -> World {
     const ROOMS: [Rectangle; 6] = [
         [0.0, 0.0, 5.4, 4.4],
@@ -136,7 +138,7 @@ fn home() -> World {
     World::new("home", FloorPlan { free: &free, blocks: &blocks }.faces(), Point::new(2.6, 2.2), None)
 }
 
-/// One empty room of 4.8 x 3.4 m: from anywhere in it, most sensors hear a wall within 3 m.
+/// One empty room of 4.8 x 3.4 m. Most sensors have a wall in range everywhere in it.
 fn room() -> World {
     let faces = FloorPlan { free: &[[0.0, 0.0, 4.8, 3.4]], blocks: &[] }.faces();
     World::new("room", faces, Point::new(1.6, 1.5), None)
@@ -147,7 +149,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn built_in_worlds_have_their_sizes_and_roomy_starts() {
+    fn built_in_worlds_have_the_stated_size_and_a_clear_start() {
         for (name, width, height) in [
             ("flat", 10.0, 8.0),
             ("office", 30.0, 20.0),
@@ -164,11 +166,11 @@ mod tests {
     }
 
     #[test]
-    fn only_the_obstacles_are_not_upright() {
-        let crooked = |name| {
+    fn only_the_turned_obstacles_are_not_axis_aligned() {
+        let oblique = |name| {
             let world = World::named(name).unwrap();
             world.segments.iter().filter(|s| s.normal().x.abs().min(s.normal().y.abs()) > 1e-9).count()
         };
-        assert_eq!(World::BUILT_IN.map(crooked), [0, 0, 12, 0, 0]);
+        assert_eq!(World::BUILT_IN.map(oblique), [0, 0, 12, 0, 0]);
     }
 }

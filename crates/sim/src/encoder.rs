@@ -1,42 +1,43 @@
-//! Broken wheel encoders: which, how and from when. The robot drives on; only what the board counts is wrong.
+//! Faults of wheel encoders: which wheel, which kind and when. Only the reported counts change,
+//! not the robot's motion.
 
 use std::str::FromStr;
 
 /// The wheel whose encoder is broken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wheel {
-    /// The left one.
+    /// The left wheel.
     Left,
-    /// The right one.
+    /// The right wheel.
     Right,
 }
 
-/// In which way an encoder is broken.
+/// The kind of an encoder fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EncoderFaultKind {
-    /// Its count stands still.
+    /// The count does not change.
     Dead,
-    /// It counts backwards.
+    /// The count runs backwards.
     Reversed,
 }
 
-/// One broken encoder.
+/// One fault of one encoder.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EncoderFault {
-    /// The wheel.
+    /// The wheel whose encoder is faulty.
     pub wheel: Wheel,
-    /// In which way it is broken.
+    /// The kind of fault.
     pub kind: EncoderFaultKind,
-    /// Seconds from the session's start until it breaks.
+    /// Start of the fault, seconds from the session's start.
     pub from_s: f64,
-    /// Seconds from the session's start until it is whole again; infinite for good.
+    /// End of the fault, seconds from the session's start. Infinite: the fault is permanent.
     pub until_s: f64,
 }
 
 impl FromStr for EncoderFault {
     type Err = String;
 
-    /// Reads `left:dead`, `right:reversed@SECONDS` or `right:reversed@SECONDS-SECONDS`; the `s` may be left out.
+    /// Parses `left:dead`, `right:reversed@30s` or `right:reversed@30s-40s`. The `s` is optional.
     fn from_str(text: &str) -> Result<Self, String> {
         let malformed = || format!("encoder fault \"{text}\" is not WHEEL:KIND@TIME, for example left:dead@30s");
         let (wheel, rest) = text.split_once(':').ok_or_else(malformed)?;
@@ -62,12 +63,12 @@ impl FromStr for EncoderFault {
     }
 }
 
-/// Turns true counts into those of broken encoders.
+/// Turns true counts into those of the faulty encoders.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Encoders {
     schedule: Vec<EncoderFault>,
     true_ticks: [i32; 2],
-    told_ticks: [i32; 2],
+    reported_ticks: [i32; 2],
 }
 
 impl Encoders {
@@ -75,20 +76,20 @@ impl Encoders {
         Self { schedule, ..Self::default() }
     }
 
-    /// What the encoders have counted at `at_s` seconds, left and right, where the true wheels have turned by `ticks`.
+    /// The reported counts, left and right, at `at_s` seconds. `ticks` are the true counts.
     pub(super) fn counts(&mut self, at_s: f64, ticks: [i32; 2]) -> [i32; 2] {
-        for (place, wheel) in [Wheel::Left, Wheel::Right].into_iter().enumerate() {
-            let step = ticks[place].wrapping_sub(self.true_ticks[place]);
+        for (index, wheel) in [Wheel::Left, Wheel::Right].into_iter().enumerate() {
+            let step = ticks[index].wrapping_sub(self.true_ticks[index]);
             let is_on = |f: &&EncoderFault| f.wheel == wheel && f.from_s <= at_s && at_s < f.until_s;
-            let told = match self.schedule.iter().find(is_on).map(|fault| fault.kind) {
+            let reported = match self.schedule.iter().find(is_on).map(|fault| fault.kind) {
                 None => step,
                 Some(EncoderFaultKind::Dead) => 0,
                 Some(EncoderFaultKind::Reversed) => step.wrapping_neg(),
             };
-            self.told_ticks[place] = self.told_ticks[place].wrapping_add(told);
+            self.reported_ticks[index] = self.reported_ticks[index].wrapping_add(reported);
         }
         self.true_ticks = ticks;
-        self.told_ticks
+        self.reported_ticks
     }
 }
 
@@ -97,15 +98,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_dead_encoder_stands_and_a_reversed_one_runs_back() {
+    fn a_dead_encoder_stops_and_a_reversed_one_counts_backwards() {
         let mut encoders = Encoders::new(vec!["left:dead@2-4".parse().unwrap(), "right:reversed@3s".parse().unwrap()]);
-        let told: Vec<_> =
+        let reported: Vec<_> =
             (1..=5).map(|second| encoders.counts(f64::from(second), [10 * second, 20 * second])).collect();
-        assert_eq!(told, [[10, 20], [10, 40], [10, 20], [20, 0], [30, -20]]);
+        assert_eq!(reported, [[10, 20], [10, 40], [10, 20], [20, 0], [30, -20]]);
     }
 
     #[test]
-    fn errors_speak_in_words() {
+    fn errors_say_what_is_wrong() {
         let error = |text: &str| text.parse::<EncoderFault>().unwrap_err();
         assert!(error("left").contains("is not WHEEL:KIND@TIME"));
         assert!(error("middle:dead").contains("\"middle\" is neither left nor right"));

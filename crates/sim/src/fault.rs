@@ -1,35 +1,35 @@
-//! Broken sensors: which, how and from when.
+//! Faults of sensors: which sensor, which kind and when.
 //!
 //! How each kind is simulated:
 //!
-//! - saturated: the sensor never receives an echo;
+//! - saturated: the sensor always reports "no echo";
 //! - missing: the sensor is in no message;
-//! - noisy: readings are 20-80 cm off, drawn anew for each;
-//! - stuck: the sensor repeats its last distance from before the fault, or the first one after it if there is none.
+//! - noisy: each reading has a random error of 20 to 80 cm;
+//! - stuck: the sensor repeats its last distance before the fault, or the first one after it if there is none.
 
 use super::random::Random;
 use super::sonar::{MAX_RANGE_M, MIN_RANGE_M};
-use slamd_core::event::FaultKind;
+use slamd_core::FaultKind;
 use std::str::FromStr;
 
-/// One broken sensor.
+/// One fault of one sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorFault {
     /// The sensor's id.
     pub sensor: u8,
-    /// In which way it is broken.
+    /// The kind of fault.
     pub kind: FaultKind,
-    /// Seconds from the session's start until it breaks.
+    /// Start of the fault, seconds from the session's start.
     pub from_s: f64,
-    /// Seconds from the session's start until it is whole again; infinite for good.
+    /// End of the fault, seconds from the session's start. Infinite: the fault is permanent.
     pub until_s: f64,
 }
 
 impl FromStr for SensorFault {
     type Err = String;
 
-    /// Reads `SENSOR:KIND`, `SENSOR:KIND@SECONDS` or `SENSOR:KIND@SECONDS-SECONDS`, for example `7:saturated@30s-40s`; the
-    /// `s` may be left out.
+    /// Parses `SENSOR:KIND`, `SENSOR:KIND@SECONDS` or `SENSOR:KIND@SECONDS-SECONDS`, for example
+    /// `7:saturated@30s-40s`. The `s` is optional.
     fn from_str(text: &str) -> Result<Self, String> {
         let malformed = || format!("fault \"{text}\" is not SENSOR:KIND@TIME, for example 7:saturated@30s");
         let (sensor, rest) = text.split_once(':').ok_or_else(malformed)?;
@@ -51,7 +51,7 @@ impl FromStr for SensorFault {
     }
 }
 
-/// The form that [`SensorFault::from_str`] reads.
+/// Writes the form that [`SensorFault::from_str`] parses.
 impl std::fmt::Display for SensorFault {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{}:{}@{}s", self.sensor, self.kind.word(), self.from_s)?;
@@ -65,9 +65,11 @@ pub enum FaultMix {
     /// Every sensor is healthy.
     #[default]
     None,
-    /// The paper's test: of n sensors n/16 saturated, n/16 missing and n/8 noisy from the start (2, 2 and 4 of 32).
+    /// The paper's test: of n sensors, n/16 are saturated, n/16 missing and n/8 noisy from the
+    /// start (2, 2 and 4 of 32).
     Paper,
-    /// Each kind on n/16 of n sensors (at least one), all from [`LATE_S`] on: the detector sees them healthy before.
+    /// Each kind on n/16 of n sensors (at least one), all from [`LATE_S`] on. Before, the detector
+    /// sees healthy sensors.
     Late,
 }
 
@@ -98,7 +100,7 @@ impl FaultMix {
         }
     }
 
-    /// The mix's faults for a ring of `sensors`; which sensors they hit comes from `random`. In order of sensor ids.
+    /// The faults for a ring of `sensors`, in order of sensor ids. `random` selects the sensors.
     pub fn faults(self, sensors: u8, random: &mut Random) -> Vec<SensorFault> {
         let kinds = match self {
             Self::None => Vec::new(),
@@ -128,7 +130,7 @@ impl FaultMix {
     }
 }
 
-/// What one ping of a sensor gives.
+/// The result of one ping.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Reading {
     /// A distance, metres.
@@ -139,17 +141,17 @@ pub enum Reading {
     Missing,
 }
 
-/// Makes healthy readings faulty.
+/// Applies the scheduled faults to healthy readings.
 #[derive(Clone, Debug)]
 pub struct Faults {
     schedule: Vec<SensorFault>,
-    /// The distance a stuck sensor repeats, or the last one it measured before.
+    /// The last distance of each sensor. A stuck sensor repeats it.
     last_m: Vec<Option<f64>>,
     random: Random,
 }
 
 impl Faults {
-    /// The faults of `schedule` in a ring of `sensors`. Where two hit one sensor, the one that came last counts.
+    /// Faults for a ring of `sensors`. If two overlap on one sensor, the one that began last counts.
     #[must_use]
     pub fn new(schedule: Vec<SensorFault>, sensors: u8, random: Random) -> Self {
         Self { schedule, last_m: vec![None; usize::from(sensors)], random }
@@ -161,7 +163,7 @@ impl Faults {
         &self.schedule
     }
 
-    /// What `sensor` gives at `at_s` seconds instead of the healthy reading `read_m` (none: no echo).
+    /// The result of `sensor` at `at_s` seconds, given its healthy reading `read_m` (`None`: no echo).
     pub fn apply(&mut self, sensor: u8, at_s: f64, read_m: Option<f64>) -> Reading {
         let is_on = |fault: &&SensorFault| fault.sensor == sensor && fault.from_s <= at_s && at_s < fault.until_s;
         let begun = self.schedule.iter().filter(is_on);
@@ -201,17 +203,20 @@ mod tests {
     }
 
     #[test]
-    fn the_command_lines_form_is_read() {
+    fn the_form_of_the_command_line_is_parsed() {
         let fault = |kind, from_s| Ok(SensorFault { sensor: 7, kind, from_s, until_s: f64::INFINITY });
         assert_eq!("7:saturated@30s".parse(), fault(FaultKind::Saturated, 30.0));
         assert_eq!("7:stuck@2.5".parse(), fault(FaultKind::Stuck, 2.5));
         assert_eq!("7:missing".parse(), fault(FaultKind::Missing, 0.0));
-        let passing: SensorFault = "7:noisy@3s-4.5s".parse().unwrap();
-        assert_eq!((passing.from_s, passing.until_s, passing.to_string().as_str()), (3.0, 4.5, "7:noisy@3s-4.5s"));
+        let temporary: SensorFault = "7:noisy@3s-4.5s".parse().unwrap();
+        assert_eq!(
+            (temporary.from_s, temporary.until_s, temporary.to_string().as_str()),
+            (3.0, 4.5, "7:noisy@3s-4.5s")
+        );
     }
 
     #[test]
-    fn errors_speak_in_words() {
+    fn errors_say_what_is_wrong() {
         let error = |text: &str| text.parse::<SensorFault>().unwrap_err();
         assert_eq!(error("seven"), "fault \"seven\" is not SENSOR:KIND@TIME, for example 7:saturated@30s");
         assert!(error("x:noisy").contains("\"x\" is not a sensor's number"));
@@ -231,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn each_kind_does_what_it_says() {
+    fn each_kind_changes_readings_as_stated() {
         let mut faults = faults(&["0:saturated@5", "1:missing", "2:noisy", "3:stuck@5"]);
         assert_eq!(faults.apply(0, 4.9, Some(1.0)), Reading::Range(1.0));
         assert_eq!(faults.apply(0, 5.0, Some(1.0)), Reading::NoEcho);
@@ -250,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_that_passes_leaves_a_healthy_sensor() {
+    fn a_sensor_is_healthy_after_a_temporary_fault() {
         let mut faults = faults(&["0:saturated@5-6", "0:missing@8-9"]);
         let mut at = |at_s| faults.apply(0, at_s, Some(1.0));
         assert_eq!([4.9, 5.0, 6.0, 8.5, 9.0].map(&mut at), {

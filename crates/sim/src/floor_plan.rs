@@ -1,12 +1,12 @@
-//! Floor plans: rooms, doors and blocks as upright rectangles; the walls are what is left between them.
+//! Floor plans: rooms, doors and blocks as axis-aligned rectangles. The space between rooms is wall.
 
 use super::world::Segment;
-use slamd_core::geometry::{Point, Pose2};
+use slamd_core::{Point, Pose2};
 
-/// An upright rectangle, metres: left, lower, right and upper edge.
+/// An axis-aligned rectangle, metres: left, lower, right and upper edge.
 pub type Rectangle = [f64; 4];
 
-/// A building: free rectangles (rooms, doors) cut out of solid matter, and solid blocks put into them.
+/// A building: free rectangles (rooms, doors) cut out of a solid, and solid blocks inside them.
 #[derive(Clone, Copy, Debug)]
 pub struct FloorPlan<'a> {
     /// Rooms and door openings; they may overlap.
@@ -16,7 +16,7 @@ pub struct FloorPlan<'a> {
 }
 
 impl FloorPlan<'_> {
-    /// Every face between free space and matter, as long as it goes: a wall between two rooms has two.
+    /// Every face between free space and solid, in one piece: a wall between two rooms has two faces.
     #[must_use]
     pub fn faces(&self) -> Vec<Segment> {
         let xs = self.edges(0);
@@ -43,7 +43,7 @@ impl FloorPlan<'_> {
         self.free.iter().any(holds) && !self.blocks.iter().any(holds)
     }
 
-    /// All edge coordinates along one axis (0: x, 1: y), ascending, each once.
+    /// The edge coordinates along one axis (0: x, 1: y), ascending, without duplicates.
     fn edges(&self, axis: usize) -> Vec<f64> {
         let mut edges: Vec<f64> = self.free.iter().chain(self.blocks).flat_map(|r| [r[axis], r[axis + 2]]).collect();
         edges.sort_by(f64::total_cmp);
@@ -52,12 +52,13 @@ impl FloorPlan<'_> {
     }
 }
 
-/// The middle between `edges[i - 1]` and `edges[i]`; none before the first and after the last.
+/// The middle between `edges[i - 1]` and `edges[i]`; `None` before the first and after the last edge.
 fn middle(edges: &[f64], i: usize) -> Option<f64> {
     Some(0.5 * (edges.get(i.checked_sub(1)?)? + edges.get(i)?))
 }
 
-/// Calls `emit(from, to)` for each longest run of cells between `edges` whose two sides differ in the same way.
+/// Calls `emit(from, to)` for each maximal run of cells between `edges` whose two sides differ in
+/// the same way.
 fn runs(edges: &[f64], sides: impl Fn(usize) -> (bool, bool), mut emit: impl FnMut(f64, f64)) {
     let mut begun: Option<(f64, (bool, bool))> = None;
     for (cell, &edge) in edges.iter().enumerate() {
@@ -75,7 +76,7 @@ fn runs(edges: &[f64], sides: impl Fn(usize) -> (bool, bool), mut emit: impl FnM
     }
 }
 
-/// The four faces of a box of `size_m` (along its own axes) round `centre`, turned by `angle_rad`.
+/// The four faces of a box of `size_m` (along its own axes) around `centre`, turned by `angle_rad`.
 #[must_use]
 pub fn box_faces(centre: Point, size_m: [f64; 2], angle_rad: f64) -> [Segment; 4] {
     let world_from_box = Pose2::new(centre.x, centre.y, angle_rad);
@@ -108,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn a_block_in_a_room_has_four_faces_of_its_own() {
+    fn a_block_in_a_room_adds_four_faces() {
         let plan = FloorPlan { free: &[[0.0, 0.0, 4.0, 3.0]], blocks: &[[1.0, 1.0, 2.0, 2.0]] };
         assert_eq!(plan.faces().len(), 8);
     }

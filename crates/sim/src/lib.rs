@@ -1,6 +1,8 @@
-//! The simulator: a true world, a robot with a ring of sensors, its board and the serial line, all from one seed.
+//! The simulator: a true world, a robot with a ring of sensors, its board and the serial line. One
+//! seed determines every random number.
 //!
-//! It shares geometry, time and the wire format with the estimator and nothing else, least of all its models.
+//! It shares geometry, time and the wire format with the estimator, but none of its models. Results
+//! would otherwise be too good: the estimator's errors would also be in the simulated data.
 
 pub mod board;
 pub mod built_in;

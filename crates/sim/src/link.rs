@@ -1,13 +1,14 @@
-//! The serial line: bytes leave at the baud rate, arrive in chunks with jitter, and some of them suffer.
+//! The serial line: sends bytes at the baud rate, delivers them in chunks with jitter, and corrupts
+//! some of them.
 
 use super::random::Random;
-use slamd_core::time::Timestamp;
+use slamd_core::Timestamp;
 use std::collections::VecDeque;
 
-/// What goes wrong on the line, as probabilities per byte.
+/// Transmission errors, as probabilities per byte.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LinkFaults {
-    /// A bit is turned over.
+    /// One bit of the byte is flipped.
     pub bit_flips: f64,
     /// The byte is lost.
     pub drops: f64,
@@ -17,9 +18,9 @@ pub struct LinkFaults {
 
 /// Bits per second.
 pub const BAUD: u64 = 115_200;
-/// A byte takes ten bits: start, eight, stop.
+/// Bits per byte on the line: start bit, eight data bits, stop bit.
 const BITS_PER_BYTE: u64 = 10;
-/// Bytes wait up to this long in the USB bridge.
+/// Maximum delay in the USB bridge, microseconds.
 const JITTER_US: f64 = 4_000.0;
 
 /// One direction of the line, from the board to the host.
@@ -39,18 +40,18 @@ impl Link {
         Self { faults, random, free_us: 0, last_us: 0, chunks: VecDeque::new() }
     }
 
-    /// The board hands bytes to its transmitter at `at`.
+    /// Sends bytes; the board's transmitter gets them at `at`.
     pub fn send(&mut self, at: Timestamp, bytes: &[u8]) {
         let begin_us = self.free_us.max(at.us());
         self.free_us = begin_us + bytes.len() as u64 * BITS_PER_BYTE * 1_000_000 / BAUD;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the jitter")]
         let jitter_us = self.random.uniform(500.0, JITTER_US) as u64;
         self.last_us = self.last_us.max(self.free_us + jitter_us);
-        let arrived = self.suffer(bytes);
+        let arrived = self.corrupt(bytes);
         self.chunks.push_back((Timestamp::from_us(self.last_us), arrived));
     }
 
-    /// When the next chunk arrives.
+    /// Arrival time of the next chunk.
     #[must_use]
     pub fn next_at(&self) -> Option<Timestamp> {
         self.chunks.front().map(|(at, _)| *at)
@@ -61,7 +62,7 @@ impl Link {
         self.chunks.pop_front_if(|(at, _)| *at <= now)
     }
 
-    fn suffer(&mut self, bytes: &[u8]) -> Vec<u8> {
+    fn corrupt(&mut self, bytes: &[u8]) -> Vec<u8> {
         if self.faults == LinkFaults::default() {
             return bytes.to_vec();
         }
@@ -73,8 +74,8 @@ impl Link {
             if self.random.chance(self.faults.drops) {
                 continue;
             }
-            let turned = if self.random.chance(self.faults.bit_flips) { 1 << self.random.below(8) } else { 0 };
-            arrived.push(byte ^ turned);
+            let flipped = if self.random.chance(self.faults.bit_flips) { 1 << self.random.below(8) } else { 0 };
+            arrived.push(byte ^ flipped);
         }
         arrived
     }

@@ -1,7 +1,8 @@
-//! Random numbers from one seed, one stream per subsystem: a fault more or less does not change the drive.
+//! Random numbers from one seed, one stream per subsystem. So another fault does not change the
+//! drive.
 //!
-//! Only the generator's specified 64-bit output is used, and the distributions are made here with `libm`: a seed means
-//! the same on every machine and for every later version of any library.
+//! The distributions here use only the generator's specified 64-bit output and `libm`. So a seed
+//! gives the same numbers on every machine and with every later version of any library.
 
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::Rng as _;
@@ -10,21 +11,21 @@ use std::f64::consts::TAU;
 /// The subsystems that draw random numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stream {
-    /// Where the robot starts and which way it looks.
+    /// The robot's start heading.
     Start = 1,
     /// Wheel sizes, base and slip.
     Robot,
-    /// Where the robot goes next.
+    /// The robot's next goals.
     Explore,
     /// Noise of healthy sensors.
     Sonar,
-    /// Which sensors are faulty, and what they read.
+    /// Which sensors are faulty, and their readings.
     Fault,
     /// The board's clock and identity.
     Board,
     /// Jitter and faults of the serial line.
     Link,
-    /// How each sensor differs from its drawing.
+    /// The sensors' calibration errors.
     Mounting,
 }
 
@@ -35,10 +36,10 @@ pub struct Random {
 }
 
 impl Random {
-    /// The numbers that `stream` draws under `seed`.
+    /// The generator of `stream` for `seed`.
     #[must_use]
     pub fn new(seed: u64, stream: Stream) -> Self {
-        // Streams of one PCG state are correlated: the state is mixed per stream, too.
+        // PCG streams with the same state are correlated, so each stream gets a state of its own.
         let stream = stream as u64;
         let low = mix(seed ^ mix(stream));
         let high = mix(low);
@@ -55,7 +56,7 @@ impl Random {
         from + (to - from) * ((self.bits() >> 11) as f64 / (1_u64 << 53) as f64)
     }
 
-    /// Normal with mean 0 and standard deviation 1 (Box and Muller; one of the pair).
+    /// Normal with mean 0 and standard deviation 1 (Box-Muller; uses one of the pair).
     pub fn normal(&mut self) -> f64 {
         let radius = (-2.0 * libm::log(1.0 - self.uniform(0.0, 1.0))).sqrt();
         radius * libm::cos(self.uniform(0.0, TAU))
@@ -78,7 +79,7 @@ impl Random {
     }
 }
 
-/// The finaliser of splitmix64.
+/// The output function of SplitMix64.
 const fn mix(value: u64) -> u64 {
     let value = value.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let value = (value ^ (value >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

@@ -1,12 +1,13 @@
-//! The true robot: a differential drive that is not quite as its drawing says, and two encoders that do not see it slip.
+//! The true robot: a differential drive whose sizes differ from the drawing, and two encoders that
+//! do not see slip.
 
 use super::random::Random;
-use slamd_core::geometry::Pose2;
+use slamd_core::Pose2;
 use std::f64::consts::TAU;
 
-/// Seconds of one step; wheel speeds are constant within it.
+/// Length of one step, seconds. Wheel speeds are constant within it.
 pub const STEP_S: f64 = 0.005;
-/// Microseconds of one step.
+/// Length of one step, microseconds.
 pub const STEP_US: u64 = 5_000;
 /// Radius of both wheels by the drawing, metres: the configuration's default.
 pub const NOMINAL_WHEEL_RADIUS_M: f64 = 0.035;
@@ -21,13 +22,14 @@ pub const BODY_RADIUS_M: f64 = 0.17;
 const WHEEL_MISMATCH: f64 = 0.01;
 /// Relative error of the wheel base.
 const BASE_ERROR: f64 = 0.02;
-/// Slip of one wheel: standard deviation in metres after one metre; it grows with the root of the way.
+/// Slip of one wheel: standard deviation after one metre, metres. It grows with the square root of
+/// the distance.
 const SLIP_M: f64 = 0.005;
-/// Fastest changes of speed, metres per second squared, and of turn rate, radians per second squared.
+/// Maximum acceleration: metres per second squared, and radians per second squared.
 const ACCELERATION: f64 = 0.8;
 const TURN_ACCELERATION: f64 = 4.0;
 
-/// What the robot is told to do.
+/// A velocity command.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Twist {
     /// Speed forward, metres per second.
@@ -44,14 +46,14 @@ pub struct Robot {
     base_m: f64,
     slip_m: f64,
     twist: Twist,
-    /// The pose at the beginning of the present step and what the wheels do in it.
+    /// Pose and wheel angles at the beginning of the current step, and the wheels' motion in it.
     world_from_robot: Pose2,
     turned_rad: [f64; 2],
     step: WheelStep,
     random: Random,
 }
 
-/// What the wheels do in one step.
+/// The wheels' motion in one step.
 #[derive(Clone, Copy, Debug, Default)]
 struct WheelStep {
     /// Radians each wheel turns.
@@ -61,7 +63,8 @@ struct WheelStep {
 }
 
 impl Robot {
-    /// A robot at rest whose deviations from its drawing are scaled by `odometry_errors`: 0 is perfect, 1 usual.
+    /// A robot at rest. `odometry_errors` scales its differences from the drawing: 0 is perfect, 1
+    /// usual.
     #[must_use]
     pub fn new(world_from_robot: Pose2, odometry_errors: f64, mut random: Random) -> Self {
         let mismatch = 0.5 * WHEEL_MISMATCH * odometry_errors * random.sign();
@@ -84,13 +87,14 @@ impl Robot {
         [self.radius_m[0], self.radius_m[1], self.base_m]
     }
 
-    /// Ends the present step and begins the next, in which the wheels follow `command` as fast as they can.
+    /// Ends the current step and begins the next, in which the wheels follow `command` within the
+    /// maximum acceleration.
     pub fn step(&mut self, command: Twist) {
         self.world_from_robot = self.pose(1.0);
         for (turned, turn) in self.turned_rad.iter_mut().zip(self.step.turns_rad) {
             *turned += turn;
         }
-        let follow = |now: f64, wanted: f64, most: f64| now + (wanted - now).clamp(-most * STEP_S, most * STEP_S);
+        let follow = |now: f64, wanted: f64, max: f64| now + (wanted - now).clamp(-max * STEP_S, max * STEP_S);
         self.twist.forward_m_s = follow(self.twist.forward_m_s, command.forward_m_s, ACCELERATION);
         self.twist.turn_rad_s = follow(self.twist.turn_rad_s, command.turn_rad_s, TURN_ACCELERATION);
         let half = 0.5 * NOMINAL_WHEEL_BASE_M * self.twist.turn_rad_s;
@@ -102,14 +106,14 @@ impl Robot {
         }
     }
 
-    /// The true pose after `share` (0 to 1) of the present step.
+    /// The true pose after `share` (0 to 1) of the current step.
     #[must_use]
     pub fn pose(&self, share: f64) -> Pose2 {
         let [left_m, right_m] = self.step.rolls_m.map(|roll| share * roll);
         self.world_from_robot.rolled(left_m, right_m, self.base_m)
     }
 
-    /// Ticks of the left and the right encoder after `share` (0 to 1) of the present step.
+    /// Ticks of the left and the right encoder after `share` (0 to 1) of the current step.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "2^31 ticks are 300 km")]
     pub fn ticks(&self, share: f64) -> [i32; 2] {
@@ -124,7 +128,7 @@ impl Robot {
 mod tests {
     use super::*;
     use crate::random::Stream;
-    use slamd_core::config::Config;
+    use slamd_core::Config;
 
     fn driven(odometry_errors: f64, seed: u64, twist: Twist, seconds: u32) -> Robot {
         let mut robot = Robot::new(Pose2::default(), odometry_errors, Random::new(seed, Stream::Robot));
@@ -132,8 +136,8 @@ mod tests {
         robot
     }
 
-    /// What an observer with the drawing and the encoders believes.
-    fn believed(robot: &Robot) -> [f64; 2] {
+    /// The wheels' travel according to the encoders and the drawing, metres.
+    fn encoder_travel(robot: &Robot) -> [f64; 2] {
         robot.ticks(1.0).map(|ticks| f64::from(ticks) / f64::from(TICKS_PER_TURN) * TAU * NOMINAL_WHEEL_RADIUS_M)
     }
 
@@ -145,12 +149,12 @@ mod tests {
     }
 
     #[test]
-    fn a_perfect_robot_is_where_its_encoders_say() {
+    fn a_perfect_robots_pose_agrees_with_its_encoders() {
         let robot = driven(0.0, 1, Twist { forward_m_s: 0.3, turn_rad_s: 0.4 }, 10);
-        let [left_m, right_m] = believed(&robot);
+        let [left_m, right_m] = encoder_travel(&robot);
         let turn = (right_m - left_m) / NOMINAL_WHEEL_BASE_M;
         let truth = robot.pose(1.0).theta_rad;
-        assert!(slamd_core::geometry::wrap_angle(turn - truth).abs() < 0.002, "{turn} {truth}");
+        assert!(slamd_core::wrap_angle(turn - truth).abs() < 0.002, "{turn} {truth}");
         assert!((0.5 * (left_m + right_m) - 3.0).abs() < 0.06);
     }
 
@@ -164,24 +168,24 @@ mod tests {
     }
 
     #[test]
-    fn slip_has_the_stated_spread() {
+    fn slip_has_the_stated_deviation() {
         let straight = Twist { forward_m_s: 0.3, turn_rad_s: 0.0 };
         let off: Vec<f64> = (0..100)
             .map(|seed| {
                 let robot = driven(1.0, seed, straight, 2);
                 let [left_m, right_m, base_m] = robot.true_sizes_m();
-                let [left_turns, right_turns] = believed(&robot).map(|way| way / NOMINAL_WHEEL_RADIUS_M);
+                let [left_turns, right_turns] = encoder_travel(&robot).map(|way| way / NOMINAL_WHEEL_RADIUS_M);
                 robot.pose(1.0).theta_rad - (right_turns * right_m - left_turns * left_m) / base_m
             })
             .collect();
         let rms = (off.iter().map(|x| x * x).sum::<f64>() / off.len() as f64).sqrt();
-        // Two wheels of 5 mm per root metre after 0.54 m on a base of 0.26 m.
+        // Two wheels slip by 5 mm per √m, after 0.54 m, on a base of 0.26 m.
         let expected = SLIP_M * (2.0 * 0.54_f64).sqrt() / NOMINAL_WHEEL_BASE_M;
         assert!((rms / expected - 1.0).abs() < 0.25, "{rms} {expected}");
     }
 
     #[test]
-    fn poses_between_steps_lie_on_the_way() {
+    fn poses_within_a_step_are_interpolated() {
         let robot = driven(1.0, 3, Twist { forward_m_s: 0.3, turn_rad_s: 1.0 }, 3);
         let (begin, middle, end) = (robot.pose(0.0), robot.pose(0.5), robot.pose(1.0));
         let whole = (end.position() - begin.position()).norm();

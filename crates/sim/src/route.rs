@@ -1,20 +1,20 @@
-//! Ways through the true world: Dijkstra's algorithm on a coarse grid of free places.
+//! Routes through the true world: Dijkstra's algorithm on a coarse grid.
 
 use super::world::World;
-use slamd_core::geometry::Point;
+use slamd_core::Point;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 /// Side of a cell, metres.
 pub const CELL_M: f64 = 0.1;
-/// Nearest to a surface that a way goes, metres.
+/// Minimum distance of a route from a surface, metres.
 pub const MIN_CLEARANCE_M: f64 = 0.25;
-/// Up to this distance from a surface, metres, a way keeps away from it where it can.
+/// Nearer to a surface than this, a step costs more, metres.
 const COMFORT_M: f64 = 0.45;
-/// The cost of a place that cannot be reached.
+/// The cost of a cell that cannot be reached.
 const FAR: u32 = u32::MAX;
 
-/// The free places of a world, row by row from the lower left.
+/// The clearance of each cell of a world, row by row from the lower left.
 #[derive(Clone, Debug)]
 pub struct RouteGrid {
     origin: Point,
@@ -23,7 +23,7 @@ pub struct RouteGrid {
     clearance_m: Vec<f64>,
 }
 
-/// Every way from one place.
+/// The cheapest routes from one cell to all others.
 #[derive(Clone, Debug)]
 pub struct Routes {
     cost: Vec<u32>,
@@ -31,7 +31,7 @@ pub struct Routes {
 }
 
 impl RouteGrid {
-    /// Surveys a world.
+    /// Computes the clearance of every cell of `world`.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "worlds reach at most 100 m")]
     pub fn new(world: &World) -> Self {
@@ -55,7 +55,7 @@ impl RouteGrid {
         self.clearance_m.is_empty()
     }
 
-    /// The middle of a cell.
+    /// The centre of a cell.
     #[must_use]
     pub fn middle(&self, cell: usize) -> Point {
         let (column, row) = (cell % self.width, cell / self.width);
@@ -70,7 +70,7 @@ impl RouteGrid {
         index(point.y - self.origin.y, self.height) * self.width + index(point.x - self.origin.x, self.width)
     }
 
-    /// Every way from the place `start`, which counts as free.
+    /// The routes from `start`, which counts as free.
     #[must_use]
     pub fn routes(&self, start: Point) -> Routes {
         let start = self.cell(start);
@@ -82,7 +82,7 @@ impl RouteGrid {
                 continue;
             }
             for (next, step) in self.neighbours(cell) {
-                let next_cost = cost + step * self.reluctance(next);
+                let next_cost = cost + step * self.cost_factor(next);
                 if next_cost < routes.cost[next] {
                     routes.cost[next] = next_cost;
                     routes.previous[next] = cell;
@@ -93,7 +93,7 @@ impl RouteGrid {
         routes
     }
 
-    /// The free cells round a cell and the length of the step there, in hundredths of a cell.
+    /// The free neighbours of a cell and the length of the step to each, in hundredths of a cell.
     fn neighbours(&self, cell: usize) -> impl Iterator<Item = (usize, u32)> {
         const STEPS: [(isize, isize, u32); 8] = [
             (1, 0, 100),
@@ -114,8 +114,8 @@ impl RouteGrid {
         })
     }
 
-    /// How many times as long a step to a cell counts because of the surfaces near it.
-    fn reluctance(&self, cell: usize) -> u32 {
+    /// The factor on the cost of a step to a cell: larger near surfaces.
+    fn cost_factor(&self, cell: usize) -> u32 {
         let clearance_m = self.clearance_m[cell];
         if clearance_m < 0.5 * (MIN_CLEARANCE_M + COMFORT_M) {
             4
@@ -128,23 +128,24 @@ impl RouteGrid {
 }
 
 impl Routes {
-    /// The cost of the way to a cell, if there is one: its length in millimetres, longer near surfaces.
+    /// The cost of the route to a cell, if there is one: its length in millimetres, counted more near
+    /// surfaces.
     #[must_use]
     pub fn cost(&self, cell: usize) -> Option<u32> {
         self.cost.get(cell).copied().filter(|&cost| cost != FAR)
     }
 
-    /// The cells on the way to `goal`, without the start; empty where there is no way.
+    /// The cells on the route to `goal`, without the start; empty if there is no route.
     #[must_use]
-    pub fn way(&self, goal: usize) -> Vec<usize> {
-        let mut way = Vec::new();
+    pub fn route(&self, goal: usize) -> Vec<usize> {
+        let mut route = Vec::new();
         let mut cell = goal;
         while self.cost(cell).is_some_and(|cost| cost > 0) {
-            way.push(cell);
+            route.push(cell);
             cell = self.previous[cell];
         }
-        way.reverse();
-        way
+        route.reverse();
+        route
     }
 }
 
@@ -163,18 +164,18 @@ mod tests {
             let grid = RouteGrid::new(&world);
             let routes = grid.routes(world.start);
             for &(x, y) in rooms {
-                assert!(!routes.way(grid.cell(Point::new(x, y))).is_empty(), "{name}: no way to {x}, {y}");
+                assert!(!routes.route(grid.cell(Point::new(x, y))).is_empty(), "{name}: no route to {x}, {y}");
             }
         }
     }
 
     #[test]
-    fn ways_keep_their_distance_and_have_no_gaps() {
+    fn routes_keep_their_clearance_and_have_no_gaps() {
         let world = World::named("furnished").unwrap();
         let grid = RouteGrid::new(&world);
-        let way = grid.routes(world.start).way(grid.cell(Point::new(7.0, 3.0)));
-        let places: Vec<Point> = way.iter().map(|&cell| grid.middle(cell)).collect();
-        assert!(places.iter().all(|&place| world.clearance(place) >= MIN_CLEARANCE_M));
-        assert!(places.windows(2).all(|pair| (pair[1] - pair[0]).norm() < 1.5 * CELL_M));
+        let route = grid.routes(world.start).route(grid.cell(Point::new(7.0, 3.0)));
+        let points: Vec<Point> = route.iter().map(|&cell| grid.middle(cell)).collect();
+        assert!(points.iter().all(|&point| world.clearance(point) >= MIN_CLEARANCE_M));
+        assert!(points.windows(2).all(|pair| (pair[1] - pair[0]).norm() < 1.5 * CELL_M));
     }
 }

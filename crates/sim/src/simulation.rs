@@ -11,8 +11,7 @@ use super::robot::{Robot, STEP_S, STEP_US, Twist};
 use super::sonar::{BeamShape, reading};
 use super::world::World;
 use slamd_capture::Record;
-use slamd_core::geometry::{Pose2, Ring};
-use slamd_core::time::Timestamp;
+use slamd_core::{Pose2, Ring, Timestamp};
 use slamd_protocol::{FrameEncoder, Message, VERSION_MAJOR, VERSION_MINOR};
 use std::collections::VecDeque;
 use std::f64::consts::PI;
@@ -23,13 +22,13 @@ use std::time::Duration;
 pub struct SimConfig {
     /// The world.
     pub world: World,
-    /// Every random number comes from it.
+    /// Seed of every random number.
     pub seed: u64,
     /// Length of the session, seconds.
     pub duration_s: f64,
-    /// The mix of faults.
+    /// A named mix of sensor faults.
     pub mix: FaultMix,
-    /// Further faults.
+    /// Further sensor faults.
     pub faults: Vec<SensorFault>,
     /// The beams' shape.
     pub beam: BeamShape,
@@ -37,9 +36,9 @@ pub struct SimConfig {
     pub sensors: u8,
     /// Scale of the odometry's errors: 0 is perfect, 1 usual.
     pub odometry_errors: f64,
-    /// How far the board's clock is off, parts per million.
+    /// Error of the board's clock, parts per million.
     pub clock_drift_ppm: f64,
-    /// What the line does to bytes.
+    /// Transmission errors of the serial line.
     pub link: LinkFaults,
 }
 
@@ -47,15 +46,15 @@ pub struct SimConfig {
 const RING_RADIUS_M: f64 = 0.15;
 /// Groups of the ring: four slots make 10 sweeps a second.
 const GROUPS: u8 = 4;
-/// Every so many microseconds the encoders are sent, and the status.
+/// Periods of the encoder and of the status messages, microseconds.
 const ENCODER_US: u64 = 20_000;
 const STATUS_US: u64 = 1_000_000;
-/// The board boots this long, and says hello this often until the host answers.
+/// End of the board's boot, and the period of its Hello until the host answers.
 const BOOT: Timestamp = Timestamp::from_us(100_000);
 const HELLO_US: u64 = 100_000;
-/// The driver decides this often.
+/// Period of the driver's commands.
 const COMMAND_US: u64 = 50_000;
-/// Speed of sound for the sensor's motion during the flight; a degree more or less does not matter here.
+/// Speed of sound for the sensor's motion during the flight. Temperature matters little here.
 const SOUND_M_S: f64 = 344.0;
 
 /// A running simulation.
@@ -81,7 +80,7 @@ pub struct Simulation {
 }
 
 impl Simulation {
-    /// A session about to begin: the board has just booted and says hello.
+    /// The start of a session: the board boots and sends its Hello.
     #[must_use]
     pub fn new(config: SimConfig) -> Self {
         let random = |stream| Random::new(config.seed, stream);
@@ -116,8 +115,8 @@ impl Simulation {
         simulation
     }
 
-    /// The same session with sensors that are not as drawn: readings too long and sensors turned, by as much as the seed draws
-    /// for each, with these standard deviations. Nothing else of the session changes.
+    /// The same session with calibration errors: each sensor gets a random range bias and bearing
+    /// offset with these standard deviations. Nothing else of the session changes.
     #[must_use]
     pub fn with_misfits(mut self, range_bias_m: f64, bearing_offset_rad: f64) -> Self {
         let mut random = Random::new(self.seed, Stream::Mounting);
@@ -134,7 +133,7 @@ impl Simulation {
         self
     }
 
-    /// How each sensor truly differs from its drawing.
+    /// The true calibration errors, by sensor id.
     #[must_use]
     pub fn misfits(&self) -> &[Misfit] {
         &self.misfits
@@ -146,20 +145,21 @@ impl Simulation {
         self.faults.schedule()
     }
 
-    /// The end of the session.
+    /// Length of the session.
     #[must_use]
     pub fn duration(&self) -> Timestamp {
         self.duration
     }
 
-    /// The host has written bytes to the board.
+    /// Delivers bytes from the host to the board.
     pub fn hear(&mut self, at: Timestamp, bytes: &[u8]) {
         for answer in self.board.hear(at, bytes) {
             self.link.send(at, &answer);
         }
     }
 
-    /// The board's supply breaks down for a moment; the robot stops until it is asked for readings again.
+    /// Restarts the board after a brief loss of power. The robot stops until the host asks for
+    /// readings again.
     pub fn restart_board(&mut self) {
         let at = Timestamp::from_us(self.now_us);
         (self.command, self.streaming_since_us, self.ready) = (Twist::default(), None, None);
@@ -167,12 +167,12 @@ impl Simulation {
         self.link.send(at, &hello);
     }
 
-    /// The board's clock goes on by `span` while nothing is measured and the robot stays where it is: the host sleeps.
+    /// Advances the board's clock by `span` without measurements or motion, as when the host sleeps.
     pub fn pass(&mut self, span: Duration) {
         self.board.pass(span);
     }
 
-    /// The next thing that happens by `now`; the simulation runs on as far as needed. None where nothing more does.
+    /// The next record up to `now`; `None` if there is none. Runs the simulation as far as needed.
     pub fn poll(&mut self, now: Timestamp) -> Option<Record> {
         let end_us = now.min(self.duration).us();
         while self.now_us + STEP_US <= end_us {
@@ -187,7 +187,7 @@ impl Simulation {
         self.link.receive(now).map(|(at, bytes)| Record::Received { at, bytes })
     }
 
-    /// Five milliseconds of everything. The robot stands still until the host asks for readings.
+    /// Simulates one step of 5 ms. The robot stands still until the host asks for readings.
     fn step(&mut self) {
         let at = Timestamp::from_us(self.now_us);
         if let Some((_, frame)) = self.ready.take_if(|(due_us, _)| *due_us <= at.us()) {
@@ -218,7 +218,7 @@ impl Simulation {
         self.now_us += STEP_US;
     }
 
-    /// One group's pings, ready to be sent when the slot is over.
+    /// Fires one group. Its message is sent when the slot is over.
     fn fire(&mut self, at: Timestamp, slot: u64) {
         let groups = u64::from(self.board.ring().mountings.iter().map(|m| m.group).max().unwrap_or(0)) + 1;
         let group = u8::try_from(slot % groups).unwrap_or(0);
@@ -229,9 +229,10 @@ impl Simulation {
                 continue;
             }
             let misfit = self.misfits[usize::from(sensor)];
-            let true_place = misfit.turned(mounting.robot_from_sensor);
-            let distance = |share: f64| self.beam.distance(&self.world, self.robot.pose(share) * true_place);
-            // The sound turns back half a flight after the trigger.
+            let robot_from_true_sensor = misfit.turned(mounting.robot_from_sensor);
+            let distance =
+                |share: f64| self.beam.distance(&self.world, self.robot.pose(share) * robot_from_true_sensor);
+            // The sound reaches the surface half a flight after the trigger.
             let true_m = distance(0.0).and_then(|m| distance(m / SOUND_M_S / STEP_S));
             let read_m = misfit.read(reading(true_m, &mut self.sonar_noise));
             readings.push((sensor, self.faults.apply(sensor, at.seconds(), read_m)));
@@ -245,8 +246,8 @@ impl Simulation {
     }
 }
 
-/// The whole session with a host that does what the daemon does: asks who is there, where the sensors are, for readings, and
-/// for the time once a second.
+/// The whole session with a host that behaves like the daemon: it requests the Hello, the geometry
+/// and the readings, and the board's time once per second.
 pub fn session(mut simulation: Simulation) -> impl Iterator<Item = Record> {
     let mut encoder = FrameEncoder::default();
     let mut script: VecDeque<(u64, Message)> = VecDeque::from([

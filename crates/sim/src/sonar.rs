@@ -1,25 +1,26 @@
-//! What an ultrasonic sensor hears: the nearest surface in its cone that sends the sound back.
+//! The ultrasonic sensors: each measures the nearest surface in its cone that returns the sound.
 //!
-//! Walls are mirrors for ultrasound: a wall answers only where the sound meets it within 30 degrees of its normal, so that
-//! a cone of ±12.5 degrees hears a wall whose normal is up to 42.5 degrees off its axis, at the cone's edge. Corners and
-//! ends of walls send sound back to wherever it came from (Leonard and Durrant-Whyte, 1992: planes, corners and edges).
+//! Walls reflect ultrasound specularly: a wall returns sound only at incidences up to 30 degrees from
+//! its normal. So a cone of ±12.5 degrees gets a return, at its edge, from a wall whose normal is up
+//! to 42.5 degrees off the axis. Corners and ends of walls return sound to its source (Leonard and
+//! Durrant-Whyte, 1992: planes, corners and edges).
 
 use super::random::Random;
 use super::world::{Segment, World, cast};
 use nalgebra::Vector2;
-use slamd_core::geometry::{Point, Pose2};
+use slamd_core::{Point, Pose2};
 
-/// Farthest distance a sensor hears, metres; beyond it there is no echo.
+/// Maximum range, metres. Beyond it there is no echo.
 pub const MAX_RANGE_M: f64 = 3.0;
-/// Nearest distance a sensor reports, metres.
+/// Minimum range, metres.
 pub const MIN_RANGE_M: f64 = 0.03;
 /// Standard deviation of a reading, metres.
 pub const NOISE_M: f64 = 0.02;
 /// Half the opening angle of a cone beam, radians.
 pub const CONE_HALF_ANGLE_RAD: f64 = 12.5 / 180.0 * std::f64::consts::PI;
-/// Cosine of the steepest incidence at which a wall answers: 30 degrees.
+/// Cosine of the maximum incidence at which a wall returns sound: 30 degrees.
 const COS_MAX_INCIDENCE: f64 = 0.866_025_403_784_438_6;
-/// Rays between the middle and either edge of the fan.
+/// Number of rays on each side of the cone's axis.
 const FAN: i32 = 5;
 
 /// The shape of the beams.
@@ -51,7 +52,8 @@ impl BeamShape {
         }
     }
 
-    /// Metres to what a sensor at `world_from_sensor` truly hears; none where nothing within [`MAX_RANGE_M`] answers.
+    /// The true distance that a sensor at `world_from_sensor` measures, metres; `None` if nothing
+    /// within [`MAX_RANGE_M`] returns the sound.
     #[must_use]
     pub fn distance(self, world: &World, world_from_sensor: Pose2) -> Option<f64> {
         let distance_m = match self {
@@ -77,8 +79,8 @@ impl std::str::FromStr for BeamShape {
     }
 }
 
-/// A healthy sensor's reading in metres of something at `distance_m`; none for no echo. Draws the same number of random
-/// numbers whatever the distance.
+/// A healthy sensor's reading of a surface at `distance_m`, metres; `None`: no echo. Every call draws
+/// the same number of random numbers, so later readings do not depend on the distance.
 pub fn reading(distance_m: Option<f64>, random: &mut Random) -> Option<f64> {
     let noise_m = NOISE_M * random.normal();
     let read_m = (distance_m? + noise_m).max(MIN_RANGE_M);
@@ -90,7 +92,7 @@ fn heading(angle_rad: f64) -> Vector2<f64> {
     Vector2::new(cos, sin)
 }
 
-/// The nearest answer in the cone; ∞ for none within [`MAX_RANGE_M`].
+/// The distance of the nearest return in the cone; ∞ if there is none within [`MAX_RANGE_M`].
 fn cone_distance(world: &World, world_from_sensor: Pose2) -> f64 {
     let origin = world_from_sensor.position();
     let axis = heading(world_from_sensor.theta_rad);
@@ -107,7 +109,8 @@ fn cone_distance(world: &World, world_from_sensor: Pose2) -> f64 {
         nearest_m = cone.point_distance(corner, nearest_m);
     }
     for segment in &cone.near {
-        // The perpendicular foot answers best; where it lies beyond the segment's end, that end is a corner.
+        // The foot of the perpendicular returns the sound. If it lies beyond the segment's end,
+        // the nearest point is that end, a corner.
         nearest_m = cone.point_distance(segment.nearest(origin), nearest_m);
     }
     for ray in -FAN..=FAN {
@@ -122,7 +125,7 @@ fn cone_distance(world: &World, world_from_sensor: Pose2) -> f64 {
     nearest_m
 }
 
-/// A cone and the surfaces that may answer in it or stand in its way.
+/// A cone and the surfaces near it, which may return the sound or hide other surfaces.
 struct Cone<'a> {
     near: Vec<&'a Segment>,
     origin: Point,
@@ -130,7 +133,8 @@ struct Cone<'a> {
 }
 
 impl Cone<'_> {
-    /// The distance of `point` where it is nearer than `nearest_m`, in the cone and in line of sight; else `nearest_m`.
+    /// The distance of `point` if it is nearer than `nearest_m`, in the cone and in line of sight;
+    /// otherwise `nearest_m`.
     fn point_distance(&self, point: Point, nearest_m: f64) -> f64 {
         let offset = point - self.origin;
         let distance_m = offset.norm();
@@ -155,51 +159,51 @@ mod tests {
         World::new("test", segments, Point::origin(), None)
     }
 
-    fn heard(world: &World, heading_deg: f64) -> Option<f64> {
+    fn measured(world: &World, heading_deg: f64) -> Option<f64> {
         BeamShape::Cone.distance(world, Pose2::new(0.0, 0.0, heading_deg.to_radians()))
     }
 
     #[test]
-    fn constants_agree_with_the_angles_they_stand_for() {
+    fn the_cosines_agree_with_their_angles() {
         assert!((libm::cos(30_f64.to_radians()) - COS_MAX_INCIDENCE).abs() < 1e-15);
         assert!((libm::cos(CONE_HALF_ANGLE_RAD) - 0.976_296_007_119_933_4).abs() < 1e-15);
     }
 
     #[test]
-    fn a_wall_is_heard_at_its_perpendicular_distance_within_the_cone() {
+    fn a_wall_returns_its_perpendicular_distance_within_the_cone() {
         let wall = world(&[[2.0, -9.0, 2.0, 9.0]]);
         for heading_deg in [0.0, 5.0, -12.0] {
-            assert!((heard(&wall, heading_deg).unwrap() - 2.0).abs() < 1e-9, "{heading_deg}");
+            assert!((measured(&wall, heading_deg).unwrap() - 2.0).abs() < 1e-9, "{heading_deg}");
         }
     }
 
     #[test]
-    fn an_oblique_wall_is_heard_at_the_cones_edge_until_it_mirrors_the_sound_away() {
+    fn an_oblique_wall_returns_sound_at_the_cones_edge_up_to_the_maximum_incidence() {
         let wall = world(&[[2.0, -9.0, 2.0, 9.0]]);
         let edge = 2.0 / libm::cos(27.5_f64.to_radians());
-        assert!((heard(&wall, 40.0).unwrap() - edge).abs() < 1e-9);
-        assert_eq!(heard(&wall, 43.0), None);
+        assert!((measured(&wall, 40.0).unwrap() - edge).abs() < 1e-9);
+        assert_eq!(measured(&wall, 43.0), None);
     }
 
     #[test]
-    fn corners_and_ends_always_answer() {
+    fn corners_and_ends_always_return_sound() {
         let end = world(&[[1.0, 1.0, 9.0, 1.0]]);
-        assert!((heard(&end, 45.0).unwrap() - 2_f64.sqrt()).abs() < 1e-9);
+        assert!((measured(&end, 45.0).unwrap() - 2_f64.sqrt()).abs() < 1e-9);
         let corner = world(&[[1.5, -9.0, 1.5, 1.5], [1.5, 1.5, -9.0, 1.5]]);
-        assert!((heard(&corner, 45.0).unwrap() - 1.5 * 2_f64.sqrt()).abs() < 1e-9);
+        assert!((measured(&corner, 45.0).unwrap() - 1.5 * 2_f64.sqrt()).abs() < 1e-9);
     }
 
     #[test]
-    fn what_stands_behind_something_is_not_heard() {
-        // The near wall mirrors the sound away and hides the far one.
+    fn a_wall_hides_what_is_behind_it() {
+        // The near wall reflects the sound away from the sensor and hides the far one.
         let hidden = world(&[[0.5, -1.0, 2.5, 1.0], [2.0, -9.0, 2.0, 9.0]]);
-        let range = heard(&hidden, 0.0);
+        let range = measured(&hidden, 0.0);
         assert!(range.is_none_or(|range| range < 1.5), "{range:?}");
     }
 
     #[test]
     fn three_metres_is_the_limit() {
-        assert_eq!(heard(&world(&[[3.1, -9.0, 3.1, 9.0]]), 0.0), None);
+        assert_eq!(measured(&world(&[[3.1, -9.0, 3.1, 9.0]]), 0.0), None);
         let point = world(&[[2.9, -9.0, 2.9, 9.0]]);
         let oblique = Pose2::new(0.0, 0.0, 0.2);
         assert!(BeamShape::Point.distance(&point, oblique).unwrap() > 2.9);

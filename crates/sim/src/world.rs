@@ -1,7 +1,7 @@
-//! The true world: surfaces as line segments, and what a straight ray meets first.
+//! The true world: surfaces as line segments, and ray casting.
 
 use nalgebra::Vector2;
-use slamd_core::geometry::Point;
+use slamd_core::Point;
 
 /// A flat, vertical surface seen from above.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,21 +45,21 @@ impl Segment {
         let offset = self.from - origin;
         let distance = offset.perp(&along) / across;
         let share = offset.perp(&direction) / across;
-        // Rays must not slip through where two segments meet.
+        // The tolerance keeps rays from passing between two segments that meet.
         (distance > 0.0 && (-1e-9..=1.0 + 1e-9).contains(&share)).then_some(distance)
     }
 }
 
-/// What a ray met.
+/// The first surface on a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     /// Metres along the ray.
     pub distance_m: f64,
-    /// The surface that was met.
+    /// The surface.
     pub segment: Segment,
 }
 
-/// The nearest of `segments` along a ray from `origin` in the unit direction `direction`.
+/// Finds the nearest of `segments` on the ray from `origin` in the unit direction `direction`.
 #[must_use]
 pub fn cast<'a>(
     segments: impl IntoIterator<Item = &'a Segment>,
@@ -72,7 +72,7 @@ pub fn cast<'a>(
         .min_by(|a, b| a.distance_m.total_cmp(&b.distance_m))
 }
 
-/// A world of surfaces and a place to start.
+/// A world: its surfaces and the robot's start.
 #[derive(Clone, Debug, PartialEq)]
 pub struct World {
     /// Its name, as on the command line.
@@ -83,7 +83,7 @@ pub struct World {
     pub corners: Vec<Point>,
     /// Where the robot starts.
     pub start: Point,
-    /// Which way it looks then, radians; drawn from the seed where absent.
+    /// Start heading, radians; random if absent.
     pub start_heading_rad: Option<f64>,
 }
 
@@ -101,7 +101,7 @@ impl World {
         self.segments.iter().map(|segment| segment.distance(point)).fold(f64::INFINITY, f64::min)
     }
 
-    /// The lower left and the upper right corner of the smallest upright rectangle that holds every surface and the start.
+    /// The lower left and the upper right corner of the bounding box of all surfaces and the start.
     #[must_use]
     pub fn bounds(&self) -> (Point, Point) {
         let ends = self.segments.iter().flat_map(|segment| [segment.from, segment.to]);
@@ -111,18 +111,19 @@ impl World {
     }
 }
 
-/// The ends of `segments`, each once, without those where one straight surface merely goes on as another segment.
+/// The ends of `segments` without duplicates, and without those where a straight surface continues as
+/// another segment.
 fn corners(segments: &[Segment]) -> Vec<Point> {
     let mut found: Vec<Point> = Vec::new();
     for segment in segments {
         for end in [segment.from, segment.to] {
             let near = |point: Point| (point - end).norm() < 1e-6;
-            let goes_on = segments.iter().any(|other| {
+            let continues = segments.iter().any(|other| {
                 other != segment
                     && (near(other.from) || near(other.to))
                     && other.normal().perp(&segment.normal()).abs() < 1e-6
             });
-            if !goes_on && !found.iter().any(|&known| near(known)) {
+            if !continues && !found.iter().any(|&known| near(known)) {
                 found.push(end);
             }
         }
@@ -147,14 +148,14 @@ mod tests {
     }
 
     #[test]
-    fn clearance_counts_ends_and_faces() {
+    fn clearance_is_the_distance_to_faces_and_ends() {
         let world = World::new("w", vec![wall(1.0, 0.0, 2.0, 0.0)], Point::origin(), None);
         assert!((world.clearance(Point::new(1.5, 0.3)) - 0.3).abs() < 1e-12);
         assert!((world.clearance(Point::origin()) - 1.0).abs() < 1e-12);
     }
 
     #[test]
-    fn a_straight_continuation_is_no_corner() {
+    fn the_joint_of_collinear_segments_is_no_corner() {
         let walls = vec![wall(0.0, 0.0, 1.0, 0.0), wall(1.0, 0.0, 2.0, 0.0), wall(2.0, 0.0, 2.0, 1.0)];
         let world = World::new("w", walls, Point::origin(), None);
         assert_eq!(world.corners, [Point::origin(), Point::new(2.0, 0.0), Point::new(2.0, 1.0)]);

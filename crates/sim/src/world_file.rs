@@ -1,8 +1,8 @@
-//! Worlds from TOML texts.
+//! Reads worlds from TOML files.
 //!
 //! ```toml
 //! start = [1.0, 1.0, 20.0]     # x and y in metres, heading in degrees
-//! [[wall]]                     # a thin wall, heard from both sides
+//! [[wall]]                     # a thin wall with two faces
 //! from = [0.0, 0.0]
 //! to = [4.0, 0.0]
 //! [[box]]                      # four faces
@@ -14,10 +14,10 @@
 use super::floor_plan::box_faces;
 use super::world::{Segment, World};
 use serde::Deserialize;
-use slamd_core::geometry::{Point, wrap_angle};
+use slamd_core::{Point, wrap_angle};
 use toml::Spanned;
 
-/// Farthest from the origin that a world reaches, metres.
+/// Maximum coordinate of a world, metres.
 pub const MAX_COORDINATE_M: f64 = 100.0;
 
 /// A world file that cannot be used.
@@ -28,10 +28,10 @@ pub enum WorldError {
     Syntax {
         /// The file's name.
         file: String,
-        /// The parser's words.
+        /// The parser's message.
         text: String,
     },
-    /// A value that makes no sense.
+    /// A value out of its range.
     #[error("{file}: line {line}: {key} {problem}")]
     Value {
         /// The file's name.
@@ -40,7 +40,7 @@ pub enum WorldError {
         line: usize,
         /// The key.
         key: &'static str,
-        /// What is wrong with its value.
+        /// What is wrong with the value.
         problem: String,
     },
 }
@@ -72,10 +72,10 @@ struct BoxText {
 }
 
 impl World {
-    /// Reads a world from a TOML text; `file` is its name in error messages and the world's name.
+    /// Reads a world from the TOML text of `file`. The file's name becomes the world's name.
     ///
     /// # Errors
-    /// Unknown and missing keys, values of the wrong type, places farther than [`MAX_COORDINATE_M`] from the origin,
+    /// Unknown and missing keys, values of the wrong type, coordinates beyond [`MAX_COORDINATE_M`],
     /// walls and boxes without extent; each with file, line and key.
     pub fn from_toml(file: &str, text: &str) -> Result<Self, WorldError> {
         let parsed: WorldText = toml::from_str(text)
@@ -83,23 +83,23 @@ impl World {
         let reader = Reader { file, text };
         let mut segments = Vec::new();
         for wall in &parsed.walls {
-            let (from, to) = (reader.place("wall.from", &wall.from)?, reader.place("wall.to", &wall.to)?);
+            let (from, to) = (reader.point("wall.from", &wall.from)?, reader.point("wall.to", &wall.to)?);
             if (to - from).norm() < 1e-3 {
-                return Err(reader.refusal("wall.to", &wall.to, "is the same place as from"));
+                return Err(reader.value_error("wall.to", &wall.to, "is the same point as from"));
             }
             segments.push(Segment { from, to });
         }
         for block in &parsed.boxes {
-            let centre = reader.place("box.center", &block.center)?;
+            let centre = reader.point("box.center", &block.center)?;
             let size_m = *block.size.get_ref();
             if !size_m.iter().all(|side| (1e-3..=MAX_COORDINATE_M).contains(side)) {
-                return Err(reader.refusal("box.size", &block.size, "must be two lengths from 0.001 to 100 m"));
+                return Err(reader.value_error("box.size", &block.size, "must be two lengths from 0.001 to 100 m"));
             }
             segments.extend(box_faces(centre, size_m, reader.angle_rad("box.angle_deg", block.angle_deg.as_ref())?));
         }
         let [x, y, heading_deg] = *parsed.start.get_ref();
         if !(x.abs() <= MAX_COORDINATE_M && y.abs() <= MAX_COORDINATE_M && heading_deg.is_finite()) {
-            return Err(reader.refusal(
+            return Err(reader.value_error(
                 "start",
                 &parsed.start,
                 "must be x and y within 100 m and a heading in degrees",
@@ -109,30 +109,30 @@ impl World {
     }
 }
 
-/// Names file, line and key of a value that is refused.
+/// Checks values and reports errors with file, line and key.
 struct Reader<'a> {
     file: &'a str,
     text: &'a str,
 }
 
 impl Reader<'_> {
-    fn place(&self, key: &'static str, value: &Spanned<[f64; 2]>) -> Result<Point, WorldError> {
+    fn point(&self, key: &'static str, value: &Spanned<[f64; 2]>) -> Result<Point, WorldError> {
         let [x, y] = *value.get_ref();
         if x.abs() <= MAX_COORDINATE_M && y.abs() <= MAX_COORDINATE_M {
             return Ok(Point::new(x, y));
         }
-        Err(self.refusal(key, value, "must lie within 100 m of the origin"))
+        Err(self.value_error(key, value, "must lie within 100 m of the origin"))
     }
 
     fn angle_rad(&self, key: &'static str, value: Option<&Spanned<f64>>) -> Result<f64, WorldError> {
         match value {
             None => Ok(0.0),
             Some(angle) if angle.get_ref().is_finite() => Ok(angle.get_ref().to_radians()),
-            Some(angle) => Err(self.refusal(key, angle, "must be a number of degrees")),
+            Some(angle) => Err(self.value_error(key, angle, "must be a number of degrees")),
         }
     }
 
-    fn refusal<T>(&self, key: &'static str, value: &Spanned<T>, problem: &str) -> WorldError {
+    fn value_error<T>(&self, key: &'static str, value: &Spanned<T>, problem: &str) -> WorldError {
         let before = self.text.get(..value.span().start).unwrap_or_default();
         let line = 1 + before.matches('\n').count();
         WorldError::Value { file: self.file.into(), line, key, problem: problem.into() }
@@ -155,7 +155,7 @@ mod tests {
     fn a_bad_value_names_file_line_and_key() {
         let text = "start = [1, 1, 20]\n[[wall]]\nfrom = [0, 0]\nto = [0, 0]\n";
         let error = World::from_toml("room.toml", text).unwrap_err().to_string();
-        assert_eq!(error, "room.toml: line 4: wall.to is the same place as from");
+        assert_eq!(error, "room.toml: line 4: wall.to is the same point as from");
         let text = "start = [1, 1, 20]\n[[box]]\ncenter = [0, nan]\nsize = [1, 1]\n";
         let error = World::from_toml("room.toml", text).unwrap_err().to_string();
         assert_eq!(error, "room.toml: line 3: box.center must lie within 100 m of the origin");
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn the_example_world_is_readable() {
+    fn the_example_world_can_be_read() {
         World::from_toml("corner.toml", include_str!("../../../configs/worlds/corner.toml")).unwrap();
     }
 }

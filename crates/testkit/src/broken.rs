@@ -1,10 +1,9 @@
 //! A drive with broken sensors or encoders, beside the same drive with whole ones.
 
 use slamd_capture::Record;
-use slamd_core::config::Config;
-use slamd_core::event::{EncoderEvent, Estimate, Event, FaultEvent, Input, LocalizationEvent, Output};
-use slamd_core::geometry::Pose2;
-use slamd_core::time::Timestamp;
+use slamd_core::{
+    Config, EncoderEvent, Estimate, Event, FaultEvent, Input, LocalizationEvent, Output, Pose2, Timestamp,
+};
 use slamd_metrics::{Pair, Pairing, building_frame};
 use slamd_protocol::{FrameDecoder, FrameEncoder, Message};
 use slamd_sim::encoder::EncoderFault;
@@ -84,7 +83,7 @@ impl Drive {
 
     /// Drives and estimates.
     pub fn run(&self) -> Outcome {
-        let mut pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh).unwrap();
+        let mut pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::Start::Fresh).unwrap();
         let (mut pairing, mut pairs) = (Pairing::<Estimate>::default(), Vec::new());
         let mut outcome = Outcome::default();
         let mut slipping = Slipping { decoder: FrameDecoder::new(), encoder: FrameEncoder::new() };

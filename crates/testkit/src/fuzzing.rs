@@ -9,9 +9,7 @@ pub use doors::*;
 use mutation::Mutator;
 use slamd::session_file;
 use slamd_capture::{CaptureInfo, CaptureWriter, Record};
-use slamd_core::config::{Config, Method};
-use slamd_core::pipeline::Pipeline;
-use slamd_core::saved_state::SavedState;
+use slamd_core::{Config, Method, Pipeline, SavedState};
 use slamd_eval::import::{carmen, ring};
 use slamd_protocol::FrameDecoder;
 use slamd_sim::fault::FaultMix;
@@ -58,7 +56,7 @@ const DRIVE_S: f64 = 45.0;
 const FILE_RECORDS: usize = 60;
 
 impl Corpus {
-    pub fn new() -> Self {
+    pub fn build() -> Self {
         let simulation = Simulation::new(SimConfig {
             world: World::named("flat").expect("built in"),
             seed: 7,
@@ -80,7 +78,7 @@ impl Corpus {
             }
         }
         let captures = vec![capture(&drive[..FILE_RECORDS]), unsealed(&drive[..FILE_RECORDS])];
-        let mut pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh)
+        let mut pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::Start::Fresh)
             .expect("a fresh start holds nothing that could be refused");
         drive.iter().for_each(|record| feed(&mut pipeline, record));
         let memory = pipeline.saved_state().expect("the drive is long enough for a map");

@@ -1,7 +1,7 @@
 //! A robot in haste: everything in half the time, 20 sweeps a second instead of 10.
 
 use slamd_capture::Record;
-use slamd_core::time::Timestamp;
+use slamd_core::Timestamp;
 use slamd_protocol::{FrameDecoder, FrameEncoder, Message};
 
 /// Halves all times of a capture, the host's and the board's: 20 sweeps a second instead of 10.

@@ -3,12 +3,10 @@
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "shares of a list")]
 
 use slamd_capture::Record;
-use slamd_core::config::Config;
-use slamd_core::event::{Event, LocalizationChange, LocalizationEvent, Output, SearchState};
-use slamd_core::geometry::{Point, Pose2, wrap_angle};
-use slamd_core::pipeline::{Pipeline, Start};
-use slamd_core::saved_state::SavedState;
-use slamd_core::time::Timestamp;
+use slamd_core::{
+    Config, Event, LocalizationChange, LocalizationEvent, Output, Pipeline, Point, Pose2, SavedState, SearchState,
+    Start, Timestamp, wrap_angle,
+};
 use slamd_metrics::AccuracyMeter;
 use slamd_sim::fault::FaultMix;
 use slamd_sim::link::LinkFaults;
@@ -89,7 +87,7 @@ pub struct Known {
 
 /// Maps a world; its state passes through the bytes of a session file's payload.
 pub fn remember(name: &str, seed: u64, duration_s: f64) -> Known {
-    let mut pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh).unwrap();
+    let mut pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::Start::Fresh).unwrap();
     let mut meter = AccuracyMeter::default();
     let mut places = Vec::new();
     for record in drive(world(name), seed, duration_s, FaultMix::Paper) {

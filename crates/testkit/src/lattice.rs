@@ -4,11 +4,7 @@
 //! kilometre wide. What the ring hears on one lap is kept and heard again on the next; stamps, sequence numbers and wheel counts go on, and the
 //! lap is closed, so the building stays where it is.
 
-use slamd_core::config::Config;
-use slamd_core::event::{Event, Input, Output};
-use slamd_core::geometry::{Point, Pose2, Ring, wrap_angle};
-use slamd_core::pipeline::Pipeline;
-use slamd_core::time::Timestamp;
+use slamd_core::{Config, Event, Input, Output, Pipeline, Point, Pose2, Ring, Timestamp, wrap_angle};
 use slamd_sim::board::Board;
 use slamd_sim::fault::Reading;
 use slamd_sim::floor_plan::box_faces;
@@ -95,7 +91,7 @@ impl Drive {
             lap,
             slot: 0,
             metres_per_tick,
-            pipeline: slamd_paper::pipeline(&config, slamd_core::pipeline::Start::Fresh)
+            pipeline: slamd_paper::pipeline(&config, slamd_core::Start::Fresh)
                 .expect("a fresh start holds nothing that could be refused"),
         }
     }

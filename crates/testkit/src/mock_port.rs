@@ -9,7 +9,7 @@ pub mod replug;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 use slamd_capture::Record;
-use slamd_core::time::Timestamp;
+use slamd_core::Timestamp;
 use slamd_protocol::{FrameEncoder, Hello, Message, Text};
 use slamd_sim::fault::FaultMix;
 use slamd_sim::link::LinkFaults;

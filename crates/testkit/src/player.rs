@@ -3,7 +3,7 @@
 use crate::haste::Haste;
 use crate::mock_port::{Terminal, simulation};
 use slamd_capture::Record;
-use slamd_core::time::Timestamp;
+use slamd_core::Timestamp;
 use slamd_sim::link::LinkFaults;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};

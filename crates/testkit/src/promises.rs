@@ -5,11 +5,11 @@ pub struct Promise {
     pub says: &'static str,
     /// The test that keeps it in CI: its file and its name.
     pub test: (&'static str, &'static str),
-    /// The bench that tries the same for longer, if there is one: a name of [`LONG`].
-    pub bench: Option<&'static str>,
+    /// The long run of `cargo xtask` that tests the same for longer, if any: a name of [`LONG`].
+    pub long_run: Option<&'static str>,
 }
 
-/// The benches that try for longer: name, and options with their full numbers.
+/// The long runs: task of `cargo xtask`, and options with their full numbers.
 pub const LONG: [(&str, &[(&str, f64)]); 4] = [
     ("simulation", &[("--seeds", 2000.0)]),
     ("fuzz", &[("--bytes", 1e9), ("--files", 1e6)]),
@@ -17,8 +17,13 @@ pub const LONG: [(&str, &[(&str, f64)]); 4] = [
     ("soak", &[("--minutes", 60.0), ("--hours", 72.0)]),
 ];
 
-const fn promise(says: &'static str, file: &'static str, name: &'static str, bench: Option<&'static str>) -> Promise {
-    Promise { says, test: (file, name), bench }
+const fn promise(
+    says: &'static str,
+    file: &'static str,
+    name: &'static str,
+    long_run: Option<&'static str>,
+) -> Promise {
+    Promise { says, test: (file, name), long_run }
 }
 
 /// All of them.
@@ -26,7 +31,7 @@ pub const PROMISES: [Promise; 31] = [
     promise(
         "Whatever goes wrong with line, board, clock and disk at once: no bad frame is accepted, time never runs back, a recording is what was read, and the \
          map is that of its replay.",
-        "simulation",
+        "tests/wire/simulation.rs",
         "nothing_that_goes_wrong_breaks_a_promise",
         Some("simulation"),
     ),

@@ -71,7 +71,7 @@ impl Client {
     }
 
     /// The next line; none where there will be no more.
-    pub fn next(&mut self) -> Option<Value> {
+    pub fn next_line(&mut self) -> Option<Value> {
         let mut line = String::new();
         self.lines.read_line(&mut line).unwrap();
         (!line.is_empty()).then(|| serde_json::from_str(&line).unwrap())
@@ -79,12 +79,14 @@ impl Client {
 
     /// The next line of a class, others left out.
     pub fn expect(&mut self, class: &str) -> Value {
-        std::iter::from_fn(|| self.next()).find(|line| line["class"] == class).unwrap_or_else(|| panic!("no {class}"))
+        std::iter::from_fn(|| self.next_line())
+            .find(|line| line["class"] == class)
+            .unwrap_or_else(|| panic!("no {class}"))
     }
 
     /// The last line, which must be an error with these words.
     pub fn expect_end(&mut self, words: &str) {
-        let last = std::iter::from_fn(|| self.next()).last().expect("a last word");
+        let last = std::iter::from_fn(|| self.next_line()).last().expect("a last word");
         assert!(last["class"] == "ERROR" && last["message"].as_str().unwrap().contains(words), "{last}");
     }
 }

@@ -17,7 +17,7 @@ pub use met::Met;
 
 use plan::Plan;
 use slamd::session_file;
-use slamd_core::pipeline::Start;
+use slamd_core::Start;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::Command;
 use world::World;
@@ -29,7 +29,7 @@ use world::World;
 pub fn simulate(seed: u64) -> Met {
     catch_unwind(AssertUnwindSafe(|| run(seed))).unwrap_or_else(|cause| {
         eprintln!("seed {seed}, commit {}: {:#?}", commit(), Plan::new(seed));
-        eprintln!("again: cargo bench --no-default-features --bench simulation -- --first {seed} --seeds 1");
+        eprintln!("again: cargo xtask simulation --first {seed} --seeds 1");
         std::panic::resume_unwind(cause)
     })
 }
@@ -69,7 +69,7 @@ fn after_death(saved: Option<Vec<u8>>, world: &mut World) -> Start {
 
 /// The commit that is checked out, as far as anybody knows.
 fn commit() -> String {
-    let output = Command::new("git").args(["rev-parse", "HEAD"]).current_dir(env!("CARGO_MANIFEST_DIR")).output();
+    let output = Command::new("git").args(["rev-parse", "HEAD"]).current_dir(crate::root()).output();
     let output = output.ok().filter(|output| output.status.success());
     output.map_or_else(|| "unknown".into(), |output| String::from_utf8_lossy(&output.stdout).trim().into())
 }

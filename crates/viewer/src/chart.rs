@@ -1,12 +1,11 @@
-//! The sink's own copy of the map: whoever joins late, or comes back, gets the whole of it.
+//! The sink's own copy of the map. Viewers that join late or reconnect receive the full map.
 
 use super::mailbox::NewMap;
-use slamd_core::mapping::grid::{Patch, percents};
-use slamd_core::mapping::raster::Raster;
+use slamd_core::{Patch, Raster, stages::percents};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// The map as far as it has been handed over.
+/// The map as received so far.
 #[derive(Debug)]
 pub(super) struct Chart {
     cell_m: f64,
@@ -15,7 +14,7 @@ pub(super) struct Chart {
     percent: Vec<i8>,
 }
 
-/// A map as a picture: row 0 is the uppermost.
+/// The map as an image. Row 0 is the top row.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Picture {
     /// Cells along x.
@@ -31,7 +30,7 @@ pub(super) struct Picture {
 }
 
 impl Picture {
-    /// The middle and the size, metres.
+    /// Centre and size, metres.
     #[must_use]
     pub(super) fn extent_m(&self) -> ([f64; 2], [f64; 2]) {
         let size = [f64::from(self.width) * self.cell_m, f64::from(self.height) * self.cell_m];
@@ -45,11 +44,11 @@ impl Default for Chart {
     }
 }
 
-/// Cells left blank round what is known.
+/// Width of the margin around the known cells, cells.
 const MARGIN: usize = 4;
 
 impl Chart {
-    /// Takes what has changed; true where something has.
+    /// Applies changes. Returns true if there are any.
     pub(super) fn update(&mut self, new: NewMap) -> bool {
         let is_new = new.whole.is_some() || !new.patches.is_empty();
         if let Some(whole) = new.whole {
@@ -62,7 +61,7 @@ impl Chart {
         is_new
     }
 
-    /// The known part of the map; none while nothing is.
+    /// The known part of the map; `None` while nothing is known.
     #[must_use]
     pub(super) fn picture(&self) -> Option<Picture> {
         self.whole.as_ref().map_or_else(|| cropped(&self.raster()?), |whole| cropped(whole))
@@ -81,17 +80,17 @@ impl Chart {
                 occupancy[corner + y * width..].iter_mut().zip(values).for_each(|(cell, value)| *cell = value);
             }
         }
-        let place_m = |patch: i32| f64::from(patch * Patch::SIDE) * self.cell_m;
-        let origin = slamd_core::geometry::Point::new(place_m(left), place_m(bottom));
+        let corner_m = |patch: i32| f64::from(patch * Patch::SIDE) * self.cell_m;
+        let origin = slamd_core::Point::new(corner_m(left), corner_m(bottom));
         Some(Raster { width, height, cell_m: self.cell_m, origin, occupancy })
     }
 }
 
-fn bounds(places: impl Iterator<Item = i32> + Clone) -> Option<(i32, i32)> {
-    Some((places.clone().min()?, places.max()?))
+fn bounds(indices: impl Iterator<Item = i32> + Clone) -> Option<(i32, i32)> {
+    Some((indices.clone().min()?, indices.max()?))
 }
 
-/// The known cells and a margin, turned over.
+/// The known cells and a margin, with the top row first.
 #[expect(clippy::cast_possible_truncation, reason = "rasters are bounded")]
 fn cropped(raster: &Raster) -> Option<Picture> {
     let is_known = |cell: &i8| *cell != Raster::UNKNOWN;
@@ -121,10 +120,9 @@ fn cropped(raster: &Raster) -> Option<Picture> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slamd_core::geometry::Point;
-    use slamd_core::mapping::grid::OccupancyGrid;
+    use slamd_core::{Point, stages::OccupancyGrid};
 
-    fn news(grid: &OccupancyGrid, since: u64) -> NewMap {
+    fn changes(grid: &OccupancyGrid, since: u64) -> NewMap {
         let patches = grid.patches_since(since).into_iter();
         let patches = patches.map(|patch| ((patch.column, patch.row), Arc::new(patch))).collect();
         NewMap { cell_m: grid.cell_m(), patches, whole: None }
@@ -138,14 +136,14 @@ mod tests {
         for (revision, x, y) in [(1, -3.0, 2.0), (2, 4.0, 0.5), (3, -3.0, 2.05), (4, 0.0, -1.0)] {
             assert_eq!(grid.revise(), revision);
             grid.add(grid.cell(Point::new(x, y)), 300);
-            assert!(chart.update(news(&grid, revision)));
+            assert!(chart.update(changes(&grid, revision)));
         }
-        assert!(!chart.update(news(&grid, 5)));
+        assert!(!chart.update(changes(&grid, 5)));
         assert_eq!(chart.picture(), cropped(&grid.raster()));
     }
 
     #[test]
-    fn the_first_row_is_the_uppermost() {
+    fn the_first_row_is_the_top_row() {
         let mut occupancy = vec![Raster::UNKNOWN; 40 * 30];
         occupancy[10 * 40 + 20] = 100;
         occupancy[11 * 40 + 20] = 0;

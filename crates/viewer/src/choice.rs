@@ -1,32 +1,33 @@
-//! `--viewer`: where a person watches from.
+//! The option `--viewer`: where the session is shown.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use std::str::FromStr;
 
-/// The port that Rerun's viewers listen on.
+/// The port on which Rerun's viewers listen.
 const VIEWER_PORT: u16 = 9876;
-/// Ours. Not the viewers': `rerun URL` takes whoever listens there for a viewer, and sends us what it has just got from us.
+/// Our server's port. It differs from [`VIEWER_PORT`], because `rerun URL` takes any listener there
+/// for a viewer and would send our own data back to us.
 const PORT: u16 = 9877;
 
-/// One `--viewer`.
+/// The value of one `--viewer`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Choice {
-    /// Serve, and open the installed viewer.
+    /// Start a server and open the installed viewer.
     Spawn,
-    /// Go to a viewer that listens: its URL, and its host and port.
+    /// Connect to a listening viewer: its URL, and its host and port.
     Connect(String, String),
-    /// Wait for viewers to come.
+    /// Start a server that viewers connect to.
     Serve(SocketAddr),
-    /// Serve, and let the installed viewer serve itself to browsers.
+    /// Start a server, and the installed viewer's web server for browsers.
     Web,
-    /// Nowhere.
+    /// No viewer.
     Off,
-    /// A recording.
+    /// Write a recording.
     File(PathBuf),
 }
 
-/// Where `serve` listens, if nobody says otherwise: for this machine alone.
+/// The default address of `serve`: reachable from this machine only.
 pub const HERE: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), PORT);
 
 impl FromStr for Choice {
@@ -51,7 +52,7 @@ impl FromStr for Choice {
     }
 }
 
-/// An address, of which either half may be missing.
+/// Parses an address. The IP or the port may be missing.
 fn socket(text: &str) -> Result<SocketAddr, String> {
     let ip = |text: &str| text.parse::<IpAddr>().ok().map(|ip| SocketAddr::new(ip, PORT));
     let port = |text: &str| text.parse().ok().map(|port| SocketAddr::new(HERE.ip(), port));
@@ -59,7 +60,7 @@ fn socket(text: &str) -> Result<SocketAddr, String> {
     whole.ok_or_else(|| format!("{text}: it must be IP:PORT, such as 0.0.0.0:{PORT} for every network of this machine"))
 }
 
-/// A viewer's URL, or what of it is not the same for all.
+/// Parses a viewer's URL. Scheme, port and path may be missing.
 fn connect(text: &str) -> Result<Choice, String> {
     let (scheme, rest) = text.split_once("://").unwrap_or(("rerun+http", text));
     let host = rest.strip_suffix("/proxy").unwrap_or(rest).trim_end_matches('/');
@@ -72,12 +73,12 @@ fn connect(text: &str) -> Result<Choice, String> {
     Ok(Choice::Connect(format!("{scheme}://{host}/proxy"), host))
 }
 
-/// What a viewer is told to find a server.
+/// The URL with which a viewer finds our server.
 pub(super) fn url(address: SocketAddr) -> String {
     format!("rerun+http://{}/proxy", reached(address))
 }
 
-/// How a server is reached from here: listening everywhere includes here.
+/// The address that reaches a server from this machine: the loopback address if it listens on all.
 pub(super) fn reached(address: SocketAddr) -> SocketAddr {
     if address.ip().is_unspecified() { SocketAddr::new(HERE.ip(), address.port()) } else { address }
 }
@@ -91,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn words_are_read() {
+    fn choices_are_parsed() {
         assert_eq!(parsed("spawn"), Choice::Spawn);
         assert_eq!(parsed("serve"), Choice::Serve("127.0.0.1:9877".parse().unwrap()));
         assert_eq!(parsed("serve=0.0.0.0"), Choice::Serve("0.0.0.0:9877".parse().unwrap()));
@@ -101,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn a_viewer_has_many_names() {
+    fn parts_of_a_viewers_url_may_be_missing() {
         let here = Choice::Connect("rerun+http://127.0.0.1:9876/proxy".into(), "127.0.0.1:9876".into());
         for text in
             ["connect", "connect=127.0.0.1", "connect=127.0.0.1:9876", "connect=rerun+http://127.0.0.1:9876/proxy"]
@@ -113,14 +114,14 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_is_refused() {
+    fn invalid_choices_are_refused() {
         for text in ["", "sprawn", "serve=here", "connect=http://127.0.0.1", "connect=", "off=1", "drive.mcap"] {
             assert!(text.parse::<Choice>().is_err(), "{text}");
         }
     }
 
     #[test]
-    fn a_server_for_all_is_found_here() {
+    fn a_server_on_all_addresses_is_reached_through_loopback() {
         assert_eq!(url("0.0.0.0:5".parse().unwrap()), "rerun+http://127.0.0.1:5/proxy");
     }
 }

@@ -1,16 +1,13 @@
-//! What a sink knows by now: enough to show everything anew to a viewer that comes, or comes back, later.
+//! The state that a sink keeps: enough to show everything to a viewer that joins late or reconnects.
 
 use super::chart::Chart;
 use super::snapshot::Snapshot;
 use super::trail::Trail;
-use slamd_core::event::SensorState;
-use slamd_core::geometry::{Pose2, Ring, Segment, wrap_angle};
-use slamd_core::rates::{RateMeter, Rates};
-use slamd_core::time::Timestamp;
+use slamd_core::{Pose2, RateMeter, Rates, Ring, Segment, SensorState, Timestamp, wrap_angle};
 use slamd_metrics::AccuracyMeter;
 use std::sync::Arc;
 
-/// Everything that is not replaced with the next sweep.
+/// Everything that the next sweep does not replace.
 #[derive(Debug, Default)]
 pub(super) struct Known {
     /// The map.
@@ -21,28 +18,28 @@ pub(super) struct Known {
     pub(super) ring: Arc<Ring>,
     /// Each sensor's state, and whether it was ever faulty.
     pub(super) sensors: Vec<(SensorState, bool)>,
-    /// Whether the robot does not know where it is; none before it ever knew.
+    /// True while the pose is lost; `None` before the first estimate.
     pub(super) is_lost: Option<bool>,
     /// The walls.
     pub(super) segments: Option<Arc<[Segment]>>,
-    /// Headings, unwrapped, radians: estimated and of the encoders alone.
+    /// Unwrapped headings, radians: the estimate's and odometry's.
     pub(super) headings_rad: [f64; 2],
-    /// How much per second, lately.
+    /// Recent rates per second.
     pub(super) rates: Rates,
     /// The newest sweep.
     pub(super) newest: Option<Arc<Snapshot>>,
     meter: RateMeter,
     accuracy: AccuracyMeter,
     map_from_odom: Option<Pose2>,
-    /// True poses from before the first estimate, world frame.
+    /// True poses before the first estimate, world frame.
     early: Vec<Pose2>,
 }
 
-/// The first estimate comes within seconds of driving; what is older is forgotten.
+/// Maximum number of true poses kept before the first estimate, which comes after seconds of driving.
 const MAX_EARLY: usize = 2_000;
 
 impl Known {
-    /// Takes a sweep. The odometry's path begins where the estimate's does, and then goes its own way.
+    /// Adds a sweep. The odometry's path begins at the first estimate and drifts from there.
     pub(super) fn take(&mut self, snapshot: &Arc<Snapshot>) {
         if let Some(estimate) = &snapshot.estimate {
             let map_from_odom = *self.map_from_odom.get_or_insert_with(|| estimate.pose * estimate.odometry.inverse());
@@ -54,7 +51,7 @@ impl Known {
             }
             self.accuracy.estimate(estimate.at, estimate.pose);
             self.is_lost = Some(snapshot.is_lost);
-            self.show_early();
+            self.add_early();
         }
         if !snapshot.beams.is_empty() {
             self.rates = self.meter.rates(snapshot.at, snapshot.counters);
@@ -65,16 +62,17 @@ impl Known {
         }
     }
 
-    /// Takes a true pose, world frame. World and map meet at the first estimate, as in the accuracy figures.
+    /// Adds a true pose, world frame. World and map are aligned at the first estimate, as for the
+    /// accuracy figures.
     pub(super) fn truth(&mut self, at: Timestamp, pose: Pose2) {
         self.accuracy.truth(at, pose);
         if self.early.len() < MAX_EARLY {
             self.early.push(pose);
         }
-        self.show_early();
+        self.add_early();
     }
 
-    fn show_early(&mut self) {
+    fn add_early(&mut self) {
         if let Some(world_from_map) = self.accuracy.world_from_map() {
             let map_from_world = world_from_map.inverse();
             for pose in self.early.drain(..) {

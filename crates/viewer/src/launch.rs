@@ -1,4 +1,4 @@
-//! The installed viewer: where it is, and how it is opened.
+//! Finds and starts the installed viewer.
 
 use std::net::{Ipv4Addr, TcpListener};
 use std::os::unix::fs::PermissionsExt as _;
@@ -6,11 +6,11 @@ use std::os::unix::process::CommandExt as _;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 
-/// A viewer on this machine.
+/// The path of the viewer on this machine.
 #[derive(Clone, Debug)]
 pub struct Installed(PathBuf);
 
-/// A program that was opened; it is closed with its owner, and so is what it has opened.
+/// A started viewer. Dropping it ends the viewer and its child processes.
 #[derive(Debug)]
 pub struct Opened(Child);
 
@@ -24,19 +24,19 @@ impl Installed {
         std::env::split_paths(&path).map(|folder| folder.join("rerun")).find(is_program).map(Self)
     }
 
-    /// Opens a window that shows what is served at `url`. It stays when the session is over.
+    /// Opens a window that shows the server at `url`. It stays open when the session ends.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// When the viewer cannot be started.
     pub(super) fn window(&self, url: &str) -> std::io::Result<()> {
-        // A port of its own: it would take our server for another viewer and send it there.
+        // Without a free port it would take our server for another viewer and send the data there.
         self.open(&["--port", "auto", "--hide-welcome-screen", "--memory-limit", "2GB", url]).map(drop)
     }
 
-    /// Lets it serve itself to browsers, on this machine, with what is served at `url`; the link to open.
+    /// Starts its web server on this machine, for the data served at `url`. Returns the link to open.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// When the viewer cannot be started.
     pub(super) fn web(&self, url: &str) -> std::io::Result<(Opened, String)> {
         let (page, proxy) = (free_port()?, free_port()?);
         let (page_port, proxy_port) = (page.to_string(), proxy.to_string());
@@ -46,7 +46,7 @@ impl Installed {
         Ok((Opened(child), format!("http://127.0.0.1:{page}?url={target}&hide_welcome_screen=1")))
     }
 
-    /// Out of reach of the terminal's Ctrl-C.
+    /// Starts the viewer in a process group of its own, so that the terminal's Ctrl-C does not end it.
     fn open(&self, arguments: &[&str]) -> std::io::Result<Child> {
         let mut command = Command::new(&self.0);
         command
@@ -61,7 +61,7 @@ impl Installed {
 
 impl Drop for Opened {
     fn drop(&mut self) {
-        // The `rerun` of a Python package is a script that runs the viewer: both are in one group.
+        // The `rerun` of the Python package is a script that runs the viewer in the same group.
         if let Ok(id) = i32::try_from(self.0.id())
             && let Some(group) = rustix::process::Pid::from_raw(id)
         {
@@ -72,7 +72,7 @@ impl Drop for Opened {
     }
 }
 
-/// True where a window can be opened.
+/// True if a display is available.
 #[must_use]
 pub fn has_display() -> bool {
     ["DISPLAY", "WAYLAND_DISPLAY"].into_iter().any(|name| std::env::var_os(name).is_some_and(|value| !value.is_empty()))

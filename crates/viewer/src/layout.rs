@@ -1,6 +1,7 @@
-//! The blueprint: what a viewer shows at first sight.
+//! The blueprint: the viewer's initial layout.
 //!
-//! Rerun's Rust blueprints (0.36) cannot set a view's eye, so that is logged into the blueprint's own store, under the path of the view.
+//! Rerun's Rust blueprints (0.36) cannot set a view's eye. So the eye is logged into the blueprint's
+//! own store, under the view's path.
 
 use super::style::{self, Rgba};
 use rerun::blueprint::{
@@ -15,33 +16,33 @@ use rerun::external::re_sdk_types::blueprint::archetypes::{
 use rerun::external::re_sdk_types::blueprint::components::{BackgroundKind, Corner2D, PanelState, PlayState};
 use rerun::{AsComponents, RecordingStream, RecordingStreamBuilder, RecordingStreamResult};
 
-/// The name under which a viewer keeps its settings.
+/// The application id, under which a viewer keeps its settings.
 pub(super) const APPLICATION: &str = "slamd";
 
-/// Where the map is looked at from.
+/// The position from which the map is shown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Eye {
     middle_m: [f64; 2],
     height_m: f64,
 }
 
-/// Plots show so much before the time looked at, nanoseconds.
+/// Time span of the plots before the time cursor, nanoseconds.
 const PLOTTED_NS: i64 = 120_000_000_000;
-/// Half the eye's field of view: Rerun's is 55 degrees high.
+/// Tangent of half the eye's vertical field of view: Rerun's is 55 degrees.
 const HALF_VIEW: f64 = 0.52;
-/// Width of the view over its height.
+/// Width of the view divided by its height.
 const ASPECT: f64 = 1.15;
 const MARGIN: f64 = 1.06;
 
 impl Default for Eye {
-    /// Over the start, a home in sight.
+    /// Above the start, high enough to show a home.
     fn default() -> Self {
         Self { middle_m: [0.0, 0.0], height_m: 16.0 }
     }
 }
 
 impl Eye {
-    /// So that a rectangle is in sight, metres.
+    /// High enough to show a rectangle, metres.
     #[must_use]
     pub(super) fn over(middle_m: [f64; 2], size_m: [f64; 2]) -> Self {
         let half_m = 0.5 * MARGIN * size_m[1].max(size_m[0] / ASPECT).max(2.0);
@@ -49,17 +50,17 @@ impl Eye {
     }
 }
 
-/// What a view is given beside what the blueprint's own types hold.
+/// View properties that the blueprint's own types cannot hold, by path.
 type Properties = Vec<(String, Box<dyn AsComponents>)>;
 
-/// Sends the blueprint and makes it the one in use.
+/// Sends the blueprint and activates it.
 ///
 /// # Errors
-/// As Rerun.
+/// As Rerun reports them.
 pub(super) fn send(rec: &RecordingStream, eye: Eye) -> RecordingStreamResult<()> {
     let mut properties = Properties::new();
     let blueprint = blueprint(eye, &mut properties);
-    // Its own store first, in memory.
+    // Collect the blueprint in memory first, so that the properties can be added to its store.
     let (scratch, storage) = RecordingStreamBuilder::new(APPLICATION).memory()?;
     blueprint.send(&scratch, BlueprintActivation::default())?;
     let mut messages: Vec<LogMsg> = storage.take();
@@ -98,10 +99,10 @@ fn blueprint(eye: Eye, properties: &mut Properties) -> Blueprint {
     let heading = plot("Heading, degrees", style::HEADING, true);
     let nis = plot("NIS", style::NIS, true);
     let evidence = Tabs::new([
-        plot("Fault score, 6 convicts", style::SCORES, false),
+        plot("Fault score (fault above 6)", style::SCORES, false),
         plot("PCA residual, m", style::RESIDUALS, false),
     ]);
-    let line = Tabs::new([
+    let link = Tabs::new([
         plot("Per second", style::RATES, true),
         plot("Delay, ms", style::DELAYS, true),
         plot("Not shown", style::DROPS, true),
@@ -109,10 +110,10 @@ fn blueprint(eye: Eye, properties: &mut Properties) -> Blueprint {
     let log: ContainerLike = TextLogView::new("Log").with_origin(style::LOG).into();
     let row = |a: ContainerLike, b: ContainerLike| Horizontal::new([a, b]).into();
     let left = Vertical::new([map, log]).with_row_shares([4.6, 1.0]);
-    let right = Vertical::new([row(ring, states), row(heading, nis), row(evidence.into(), line.into())])
+    let right = Vertical::new([row(ring, states), row(heading, nis), row(evidence.into(), link.into())])
         .with_row_shares([1.5, 1.0, 1.0]);
     let root = Horizontal::new([left.into(), right.into()]).with_column_shares([1.15, 1.0]);
-    // The newest, in a file as well: there the map is whole.
+    // Show the newest time, also in a file: only there the map is complete.
     let time = TimePanel::new().with_state(PanelState::Collapsed).with_timeline("robot_time");
     let time = time.with_play_state(PlayState::Following);
     Blueprint::new(root)
@@ -124,7 +125,7 @@ fn blueprint(eye: Eye, properties: &mut Properties) -> Blueprint {
 }
 
 /// A view from above.
-#[expect(clippy::cast_possible_truncation, reason = "to be looked at")]
+#[expect(clippy::cast_possible_truncation, reason = "for display")]
 fn from_above(
     view: Spatial3DView,
     eye: Eye,

@@ -1,9 +1,10 @@
-//! What the robot knows, in Rerun: live, or into a file.
+//! Shows a session in Rerun, live or in a recording.
 //!
 //! `session → Tap → Mailbox → (thread) RerunWriter → RecordingStream`
 //!
-//! The pipeline's thread copies what is small and goes on; a queue that is full drops, and counts. Each sink has its thread, its stream and
-//! its own memory of the map, so that a viewer may come late, go away, hang or be none.
+//! The pipeline's thread queues small copies. A full queue drops and counts them. Each sink has its
+//! own thread, stream and copy of the map. So late joiners receive the full map, and stalled viewers
+//! never block mapping.
 
 #![forbid(unsafe_code)]
 
@@ -31,7 +32,7 @@ pub use tap::Tap;
 
 use choice::{reached, url};
 use mailbox::{Inbox, Mailbox, mailbox};
-use slamd_core::driver::Watcher;
+use slamd_core::Watcher;
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::path::Path;
 use std::sync::mpsc::{Receiver, channel};
@@ -52,17 +53,18 @@ struct Sink {
     is_done: Receiver<()>,
 }
 
-/// A server is there within this.
-const UP: Duration = Duration::from_secs(2);
+/// Maximum time until a started server accepts connections.
+const SERVER_START_TIMEOUT: Duration = Duration::from_secs(2);
 
 impl Viewer {
-    /// No sink yet. A patient viewer is for a session that can wait, such as a replay.
+    /// A viewer without sinks. If `is_patient`, a full queue makes the session wait instead of dropping
+    /// updates: for a replay.
     #[must_use]
     pub fn new(identity: Identity, is_patient: bool) -> Self {
         Self { identity, is_patient, sinks: Vec::new(), serves: None, opened: Vec::new() }
     }
 
-    /// Begins a recording.
+    /// Adds a sink that writes a recording.
     ///
     /// # Errors
     /// When the file cannot be created.
@@ -72,18 +74,19 @@ impl Viewer {
         Ok(())
     }
 
-    /// Goes to a viewer that listens, now or later.
+    /// Adds a sink that connects to a viewer as soon as it listens, and again after it was gone.
     pub fn connect(&mut self, url: &str, host: &str) {
         let (url, host) = (url.to_owned(), host.to_owned());
         self.begin(url.clone(), move |identity, inbox| sink::visit(&url, &host, identity, inbox));
     }
 
-    /// Waits for viewers; they are told to look there. False, with a line that says why, where somebody else listens there.
+    /// Adds a server that viewers connect to. Logs a warning and returns false if the address is in
+    /// use.
     pub fn serve(&mut self, address: SocketAddr) -> bool {
         if self.serves == Some(address) {
             return true;
         }
-        // Rerun would find out on another thread, where nobody hears of it.
+        // Rerun would fail on another thread without reporting the error.
         let free = TcpListener::bind(address).map(drop);
         let rec = free.map_err(|error| error.to_string());
         let rec = rec.and_then(|()| self.identity.server(address).map_err(|error| error.to_string()));
@@ -91,14 +94,14 @@ impl Viewer {
             Ok(rec) => rec,
             Err(error) => {
                 tracing::warn!(
-                    "viewer: nothing is served at {address}: {error}; a viewer that listens there is shown to with --viewer connect, \
-                     --viewer serve={}:PORT takes another port",
+                    "viewer: nothing is served at {address}: {error}; if a viewer listens there, use --viewer connect; \
+                     for another port, use --viewer serve={}:PORT",
                     address.ip()
                 );
                 return false;
             }
         };
-        // What has been replayed is served until the process ends.
+        // A finished replay is served until the process ends.
         let keeps = self.is_patient;
         self.begin(url(address), move |identity, inbox| {
             let rec = sink::draw(rec, identity, inbox);
@@ -111,17 +114,17 @@ impl Viewer {
         true
     }
 
-    /// Opens the installed viewer on what is served.
+    /// Opens the installed viewer on our server.
     pub fn spawn(&mut self) {
         let Some(url) = self.served() else { return };
         let opened =
             Installed::find().map_or_else(|| Err(std::io::Error::other(NO_VIEWER)), |viewer| viewer.window(&url));
         if let Err(error) = opened {
-            tracing::warn!("viewer: no window is opened: {error}");
+            tracing::warn!("viewer: cannot open a window: {error}");
         }
     }
 
-    /// Lets the installed viewer serve itself to browsers.
+    /// Starts the installed viewer's web server on our server.
     pub fn web(&mut self) {
         let Some(url) = self.served() else { return };
         match Installed::find().map_or_else(|| Err(std::io::Error::other(NO_VIEWER)), |viewer| viewer.web(&url)) {
@@ -129,35 +132,37 @@ impl Viewer {
                 self.opened.push(opened);
                 tracing::info!("viewer: in a browser at {link}");
             }
-            Err(error) => tracing::warn!("viewer: no page is served: {error}"),
+            Err(error) => tracing::warn!("viewer: cannot start the web viewer: {error}"),
         }
     }
 
-    /// The URL of the server, once it answers.
+    /// The URL of the server. Waits until it accepts connections.
     #[expect(clippy::disallowed_methods, reason = "a server is up when it is up")]
     fn served(&self) -> Option<String> {
         let address = reached(self.serves?);
         let begin = Instant::now();
-        while TcpStream::connect_timeout(&address, UP).is_err() && begin.elapsed() < UP {
+        while TcpStream::connect_timeout(&address, SERVER_START_TIMEOUT).is_err()
+            && begin.elapsed() < SERVER_START_TIMEOUT
+        {
             std::thread::sleep(Duration::from_millis(10));
         }
         Some(url(address))
     }
 
-    /// What shows a session, and the log, to the sinks; none where there is no sink.
+    /// The watcher that shows a session and the log on all sinks; `None` without sinks.
     #[must_use]
     pub fn watcher(&self) -> Option<Watcher> {
         let mut tap = self.tap()?;
         Some(Box::new(move |context, update| tap.see(context, update)))
     }
 
-    /// What found no room so far, over all sinks.
+    /// Number of updates dropped so far, over all sinks.
     #[must_use]
     pub fn dropped(&self) -> u64 {
         self.sinks.iter().map(|sink| sink.mailbox.dropped()).sum()
     }
 
-    /// What sees a session, for somebody who wants to be in between; none where there is no sink.
+    /// The tap behind [`Self::watcher`], for callers that wrap it; `None` without sinks.
     #[must_use]
     pub fn tap(&self) -> Option<Tap> {
         let mailboxes: Vec<Mailbox> = self.sinks.iter().map(|sink| sink.mailbox.clone()).collect();
@@ -165,27 +170,27 @@ impl Viewer {
         (!mailboxes.is_empty()).then(|| Tap::new(mailboxes))
     }
 
-    /// True while something is served that a person may want to look at when the session is over.
+    /// True if a server runs, which may be of use after the session's end.
     #[must_use]
     pub fn serves(&self) -> bool {
         self.serves.is_some()
     }
 
-    /// Ends, when the session that was watched is gone. Waits no longer than `patience` for all sinks together. What was opened for
-    /// browsers is closed when what this returns is dropped.
+    /// Ends all sinks after the session's end. Waits at most `patience` for all of them together.
+    /// Dropping the result closes the web viewers.
     #[expect(clippy::disallowed_methods, reason = "the end of a process must not wait for a viewer")]
     pub fn finish(self, patience: Duration) -> Vec<Opened> {
         log_layer::read(Vec::new());
         let end = Instant::now() + patience;
-        // All are told before one is waited for.
+        // Signal the end to all sinks before waiting for the first.
         let ending = self.sinks.into_iter().map(|sink| (sink.name, sink.mailbox.dropped(), sink.is_done));
         for (name, dropped, is_done) in ending.collect::<Vec<_>>() {
             let is_late = is_done.recv_timeout(end.saturating_duration_since(Instant::now())).is_err();
             if dropped > 0 {
-                tracing::warn!("viewer: {dropped} sweeps and lines are not shown at {name}: it was too slow");
+                tracing::warn!("viewer: {name} was too slow: {dropped} sweeps and log lines were dropped");
             }
             if is_late {
-                tracing::warn!("viewer: {name} did not take the last of it in time");
+                tracing::warn!("viewer: {name} did not receive the end of the session in time");
             }
         }
         self.opened

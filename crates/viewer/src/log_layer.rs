@@ -1,20 +1,20 @@
-//! The log, for the viewers.
+//! Shows the log in the viewers.
 
-use super::mailbox::{Line, Mailbox, SinkUpdate};
+use super::mailbox::{LogLine, Mailbox, SinkUpdate};
 use std::fmt::{Debug, Write as _};
 use std::sync::{Arc, Mutex, PoisonError};
 use tracing::field::{Field, Visit};
 use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::layer::{Context, Layer};
 
-/// Hands each line of the log to the sinks that are there by then.
+/// Sends each log line to the current sinks.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LogLayer;
 
-/// The log is one for the whole process, and so are its readers.
+/// The sinks that show the log. The log is global, so they are too.
 static READERS: Mutex<Vec<Mailbox>> = Mutex::new(Vec::new());
 
-/// Makes these the readers, in place of those before.
+/// Replaces the readers.
 pub(super) fn read(mailboxes: Vec<Mailbox>) {
     *READERS.lock().unwrap_or_else(PoisonError::into_inner) = mailboxes;
 }
@@ -22,7 +22,7 @@ pub(super) fn read(mailboxes: Vec<Mailbox>) {
 impl<S: Subscriber> Layer<S> for LogLayer {
     fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
         let metadata = event.metadata();
-        // What Rerun says of a queue that is full must not go into that queue.
+        // Rerun's messages about a full queue must not enter that queue.
         if metadata.target().starts_with("re_") {
             return;
         }
@@ -35,14 +35,14 @@ impl<S: Subscriber> Layer<S> for LogLayer {
         };
         let mut text = Text::default();
         event.record(&mut text);
-        let update = SinkUpdate::Line(Arc::new(Line { level, text: text.0 }));
+        let update = SinkUpdate::LogLine(Arc::new(LogLine { level, text: text.0 }));
         for reader in READERS.lock().unwrap_or_else(PoisonError::into_inner).iter() {
             reader.offer(update.clone());
         }
     }
 }
 
-/// The message, and other fields after it.
+/// The message, followed by the other fields.
 #[derive(Default)]
 struct Text(String);
 

@@ -1,56 +1,55 @@
-//! From the pipeline's thread to a sink's: a queue that never grows, a map slot where the newest wins.
+//! The connection from the pipeline's thread to a sink's: a bounded queue, and a map slot that holds
+//! the newest changes.
 
 use super::snapshot::Snapshot;
-use slamd_core::geometry::Pose2;
-use slamd_core::mapping::grid::Patch;
-use slamd_core::mapping::raster::Raster;
-use slamd_core::time::Timestamp;
+use slamd_core::{Patch, Pose2, Raster, Timestamp};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// What a sink hears of.
+/// An update for a sink.
 #[derive(Clone, Debug)]
 pub(super) enum SinkUpdate {
     /// A sweep.
     Snapshot(Arc<Snapshot>),
-    /// Where the robot truly was, for once.
+    /// A true pose.
     Truth(Timestamp, Pose2),
-    /// A line of the log.
-    Line(Arc<Line>),
-    /// Changes of the map, where nothing is dropped: a recording must not show the map of later.
+    /// A log line.
+    LogLine(Arc<LogLine>),
+    /// Changes of the map, queued when the session waits: so a recording shows each map at its time.
     Map(Arc<NewMap>),
 }
 
-/// A line of the log.
+/// A log line.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Line {
-    /// How serious it is, as Rerun writes it.
+pub(super) struct LogLine {
+    /// The level in Rerun's spelling.
     pub(super) level: &'static str,
     /// The text.
     pub(super) text: String,
 }
 
-/// The part of the map that the sink has not seen: at most the whole map.
+/// The changes of the map since the sink's last look.
 #[derive(Clone, Debug, Default)]
 pub(super) struct NewMap {
     /// Side of the patches' cells, metres.
     pub(super) cell_m: f64,
-    /// Patches by place.
+    /// Patches by column and row.
     pub(super) patches: HashMap<(i32, i32), Arc<Patch>>,
-    /// A map that does not come in patches.
+    /// A map that is not sent in patches.
     pub(super) whole: Option<Arc<Raster>>,
 }
 
-/// Queued update: 12 s at 20 Hz.
+/// Capacity of the queue: 12 s at 20 Hz.
 const MAX_QUEUED: usize = 256;
-/// How long a replay waits for a sink that takes nothing, before it goes on without it.
+/// Maximum time that a replay waits for a stalled sink.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// Between two looks into an empty queue: fast enough to the eye.
-const LOOK: Duration = Duration::from_millis(20);
-const NAP: Duration = Duration::from_millis(1);
+/// Polling period of an empty queue: short enough for display.
+const POLL_PERIOD: Duration = Duration::from_millis(20);
+/// Polling period of a replay.
+const REPLAY_POLL_PERIOD: Duration = Duration::from_millis(1);
 
 #[derive(Debug, Default)]
 struct Shared {
@@ -73,7 +72,7 @@ pub(super) struct Inbox {
     shared: Arc<Shared>,
 }
 
-/// A queue. A patient one is for a source that can wait: it drops nothing while the sink works.
+/// Makes a queue. If `is_patient`, a full queue makes the sender wait instead of dropping updates.
 #[must_use]
 pub(super) fn mailbox(is_patient: bool) -> (Mailbox, Inbox) {
     let (sender, receiver) = sync_channel(MAX_QUEUED);
@@ -82,7 +81,7 @@ pub(super) fn mailbox(is_patient: bool) -> (Mailbox, Inbox) {
 }
 
 impl Mailbox {
-    /// Queues update, or drops and counts them.
+    /// Queues an update, or drops and counts it.
     pub(super) fn offer(&self, update: SinkUpdate) {
         let Err(TrySendError::Full(update)) = self.sender.try_send(update) else { return };
         if !self.shared.is_patient.load(Ordering::Relaxed) || !self.wait(update) {
@@ -90,11 +89,11 @@ impl Mailbox {
         }
     }
 
-    /// True where there was room in time; nobody waits twice for a sink that is stuck.
-    #[expect(clippy::disallowed_methods, reason = "only where nothing is in a hurry")]
+    /// Waits for room in the queue. Returns false after [`PATIENCE`], and never waits again then.
+    #[expect(clippy::disallowed_methods, reason = "only a replay waits")]
     fn wait(&self, mut update: SinkUpdate) -> bool {
-        for _ in 0..PATIENCE.as_millis() / NAP.as_millis() {
-            std::thread::sleep(NAP);
+        for _ in 0..PATIENCE.as_millis() / REPLAY_POLL_PERIOD.as_millis() {
+            std::thread::sleep(REPLAY_POLL_PERIOD);
             match self.sender.try_send(update) {
                 Err(TrySendError::Full(back)) => update = back,
                 _ => return true,
@@ -104,7 +103,7 @@ impl Mailbox {
         false
     }
 
-    /// Puts changes of the map where the sink will find them, over older ones.
+    /// Writes changes of the map into the map slot, over older ones. A replay queues them instead.
     pub(super) fn update_map(&self, update: impl FnOnce(&mut NewMap)) {
         if self.shared.is_patient.load(Ordering::Relaxed) {
             let mut map = NewMap::default();
@@ -114,7 +113,7 @@ impl Mailbox {
         update(&mut self.shared.map.lock().unwrap_or_else(PoisonError::into_inner));
     }
 
-    /// What found no room so far.
+    /// Number of updates dropped so far.
     #[must_use]
     pub(super) fn dropped(&self) -> u64 {
         self.shared.dropped.load(Ordering::Relaxed)
@@ -122,12 +121,12 @@ impl Mailbox {
 }
 
 impl Inbox {
-    /// The next update. Looks now and then instead of waiting in the queue: waking it up would cost the pipeline's thread more than all
-    /// the rest.
+    /// The next update. Polls instead of blocking, because waking a blocked thread would cost the
+    /// pipeline's thread more than everything else here.
     ///
     /// # Errors
-    /// When none come in time, or none will come any more.
-    #[expect(clippy::disallowed_methods, reason = "people live in real time")]
+    /// When no update comes in time, or the sender is gone.
+    #[expect(clippy::disallowed_methods, reason = "the viewer runs in real time")]
     pub(super) fn next(&self, timeout: Duration) -> Result<SinkUpdate, RecvTimeoutError> {
         let begin = Instant::now();
         loop {
@@ -137,19 +136,19 @@ impl Inbox {
                 Err(TryRecvError::Empty) if begin.elapsed() >= timeout => return Err(RecvTimeoutError::Timeout),
                 Err(TryRecvError::Empty) => {
                     let is_patient = self.shared.is_patient.load(Ordering::Relaxed);
-                    std::thread::sleep(if is_patient { NAP } else { LOOK.min(timeout) });
+                    std::thread::sleep(if is_patient { REPLAY_POLL_PERIOD } else { POLL_PERIOD.min(timeout) });
                 }
             }
         }
     }
 
-    /// What has changed of the map since the last call.
+    /// Takes the changes of the map since the last call.
     #[must_use]
     pub(super) fn take_map(&self) -> NewMap {
         std::mem::take(&mut self.shared.map.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// What found no room so far.
+    /// Number of updates dropped so far.
     #[must_use]
     pub(super) fn dropped(&self) -> u64 {
         self.shared.dropped.load(Ordering::Relaxed)
@@ -161,11 +160,11 @@ mod tests {
     use super::*;
 
     fn line() -> SinkUpdate {
-        SinkUpdate::Line(Arc::new(Line { level: "INFO", text: "hello".into() }))
+        SinkUpdate::LogLine(Arc::new(LogLine { level: "INFO", text: "hello".into() }))
     }
 
     #[test]
-    fn a_sink_that_takes_nothing_costs_what_does_not_fit() {
+    fn a_stalled_sink_drops_what_does_not_fit() {
         let (mailbox, inbox) = mailbox(false);
         for _ in 0..1_000 {
             mailbox.offer(line());
@@ -177,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sink_that_is_gone_costs_nothing() {
+    fn a_closed_sink_drops_nothing() {
         let (mailbox, inbox) = mailbox(true);
         drop(inbox);
         mailbox.offer(line());

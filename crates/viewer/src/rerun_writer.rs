@@ -1,47 +1,48 @@
-//! SinkUpdate → Rerun. All of it happens on the sink's own thread: times are thread-local, and logging may block.
+//! Writes updates to Rerun. Everything runs on the sink's own thread, because Rerun's times are
+//! thread-local and logging may block.
 
 use super::known::Known;
 use super::layout::{self, Eye};
-use super::mailbox::{Inbox, Line, NewMap, SinkUpdate};
+use super::mailbox::{Inbox, LogLine, NewMap, SinkUpdate};
 use super::snapshot::Snapshot;
 use super::{shapes, style};
 use rerun::{RecordingStream, RecordingStreamResult, Scalars, StateChange, TextLog};
-use slamd_core::event::SensorState;
-use slamd_core::time::Timestamp;
+use slamd_core::{SensorState, Timestamp};
 use std::sync::Arc;
 
-/// Draws what it hears of, where there is somewhere to draw; remembers it in any case.
+/// Writes updates to a Rerun stream. Without a stream it only keeps their state.
 pub(super) struct RerunWriter {
     known: Known,
     rec: Option<RecordingStream>,
     /// Microseconds from 1970 to the session's time zero, where known.
     unix_zero_us: Option<u64>,
-    /// When slow things were last drawn, and when everything was.
+    /// Time of the last drawing of map, paths and rates.
     slow: Option<Timestamp>,
     has_new_map: bool,
+    /// Time of the last drawing of everything.
     everything: Option<Timestamp>,
 }
 
-/// Between two drawings of map, walls, paths and rates, seconds.
+/// Period of drawing map, paths and rates, seconds.
 const SLOW_PERIOD_S: f64 = 1.0;
-/// Everything that has not changed is drawn again after so long, seconds: a server forgets what is old.
+/// Period of drawing everything again, seconds, because a server forgets old data.
 const EVERYTHING_PERIOD_S: f64 = 30.0;
 
 impl RerunWriter {
-    /// An writer without a canvas.
+    /// A writer without a stream.
     #[must_use]
     pub(super) fn new(unix_zero_us: Option<u64>) -> Self {
         Self { known: Known::default(), rec: None, unix_zero_us, slow: None, has_new_map: false, everything: None }
     }
 
-    /// Begins on a new canvas, with everything that is known.
+    /// Begins to write to a new stream, with everything known so far.
     ///
     /// # Errors
-    /// As Rerun.
+    /// As Rerun reports them.
     pub(super) fn begin(&mut self, rec: RecordingStream) -> RecordingStreamResult<()> {
         layout::send(&rec, self.eye())?;
         style::log(&rec)?;
-        // What is logged before the first sweep is at the beginning.
+        // Logs before the first sweep get time zero.
         rec.set_duration_secs("robot_time", 0.0);
         rec.set_time_sequence("sweep", 0);
         self.rec = Some(rec);
@@ -53,29 +54,29 @@ impl RerunWriter {
         Ok(())
     }
 
-    /// The canvas, if there is one.
+    /// The stream, if there is one.
     #[must_use]
-    pub(super) fn canvas(&self) -> Option<&RecordingStream> {
+    pub(super) fn stream(&self) -> Option<&RecordingStream> {
         self.rec.as_ref()
     }
 
-    /// Takes the canvas away.
+    /// Stops writing and returns the stream.
     pub(super) fn end(&mut self) -> Option<RecordingStream> {
         self.rec.take()
     }
 
-    /// Looks at the map as a whole: for a session that is over.
+    /// Moves the eye so that the whole map is in view: for the end of a session.
     ///
     /// # Errors
-    /// As Rerun.
-    pub(super) fn step_back(&self) -> RecordingStreamResult<()> {
+    /// As Rerun reports them.
+    pub(super) fn show_whole_map(&self) -> RecordingStreamResult<()> {
         self.rec.as_ref().map_or(Ok(()), |rec| layout::send(rec, self.eye()))
     }
 
-    /// Takes update.
+    /// Handles an update.
     ///
     /// # Errors
-    /// As Rerun.
+    /// As Rerun reports them.
     pub(super) fn take(&mut self, update: &SinkUpdate, inbox: &Inbox) -> RecordingStreamResult<()> {
         match update {
             SinkUpdate::Snapshot(snapshot) => self.snapshot(snapshot, inbox),
@@ -83,7 +84,7 @@ impl RerunWriter {
                 self.known.truth(*at, *pose);
                 Ok(())
             }
-            SinkUpdate::Line(line) => self.line(line),
+            SinkUpdate::LogLine(line) => self.line(line),
             SinkUpdate::Map(map) => {
                 self.has_new_map |= self.known.chart.update(NewMap::clone(map));
                 Ok(())
@@ -98,7 +99,7 @@ impl RerunWriter {
         })
     }
 
-    fn line(&self, line: &Line) -> RecordingStreamResult<()> {
+    fn line(&self, line: &LogLine) -> RecordingStreamResult<()> {
         let Some(rec) = &self.rec else { return Ok(()) };
         rec.log(style::LOG, &TextLog::new(line.text.clone()).with_level(line.level))
     }
@@ -108,7 +109,7 @@ impl RerunWriter {
         self.known.take(snapshot);
         self.set_time(snapshot);
         if self.known.is_lost != was_lost {
-            self.draw_hold()?;
+            self.draw_localization()?;
         }
         self.draw_ring(snapshot)?;
         self.draw_sweep(snapshot)?;
@@ -141,7 +142,7 @@ impl RerunWriter {
         }
     }
 
-    /// A ring that is new, and sensors whose state is.
+    /// Draws the ring if it is new, and the states that changed.
     fn draw_ring(&mut self, snapshot: &Snapshot) -> RecordingStreamResult<()> {
         let known = &mut self.known;
         if !Arc::ptr_eq(&known.ring, &snapshot.ring) {
@@ -165,7 +166,7 @@ impl RerunWriter {
         Ok(())
     }
 
-    /// What is new with each sweep.
+    /// Draws what changes with each sweep.
     fn draw_sweep(&self, snapshot: &Snapshot) -> RecordingStreamResult<()> {
         let Some(rec) = &self.rec else { return Ok(()) };
         if let Some(estimate) = &snapshot.estimate {
@@ -218,13 +219,13 @@ impl RerunWriter {
         rec.log(style::WALL_BANDS, &shapes::wall_bands(segments))
     }
 
-    fn draw_hold(&self) -> RecordingStreamResult<()> {
+    fn draw_localization(&self) -> RecordingStreamResult<()> {
         let word = self.known.is_lost.map(|is_lost| if is_lost { style::LOST } else { style::KNOWN });
         let (Some(rec), Some(word)) = (&self.rec, word) else { return Ok(()) };
-        rec.log(style::HOLD, &StateChange::single(word))
+        rec.log(style::LOCALIZATION, &StateChange::single(word))
     }
 
-    /// Everything, whether it has changed or not.
+    /// Draws everything, changed or not.
     fn draw_known(&mut self) -> RecordingStreamResult<()> {
         self.everything = self.known.newest.as_ref().map(|newest| newest.at);
         if let Some(rec) = &self.rec {
@@ -242,7 +243,7 @@ impl RerunWriter {
                 }
             }
         }
-        self.draw_hold()?;
+        self.draw_localization()?;
         self.draw_walls()?;
         self.draw_slow(true)
     }

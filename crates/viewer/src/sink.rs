@@ -1,7 +1,8 @@
-//! One thread per sink, each with a stream of its own: a sink that is stuck stops no other, and never the robot.
+//! The sinks. Each has its own thread and stream, so a stalled sink blocks neither the others nor the
+//! robot.
 //!
-//! Logging into a connection blocks once its buffers are full (Rerun 0.36), and so does taking it down. So nobody ever waits for these
-//! threads longer than a given time; what they hold then goes with the process.
+//! Logging to a connection blocks when its buffers are full (Rerun 0.36), and so does closing it. So
+//! every wait for these threads has a timeout. The process's end frees what they still hold.
 
 use super::layout::APPLICATION;
 use super::mailbox::Inbox;
@@ -16,28 +17,28 @@ use std::sync::mpsc::RecvTimeoutError;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// What all streams of a session share.
+/// The identity that all streams of a session share.
 #[derive(Clone, Debug)]
 pub struct Identity {
-    /// Viewers put together what has the same.
+    /// Recording id: viewers join streams with the same one.
     pub recording: String,
-    /// What a person calls it.
+    /// Name shown to the user.
     pub name: String,
     /// Microseconds from 1970 to the session's time zero, where known.
     pub unix_zero_us: Option<u64>,
 }
 
-/// History that a server keeps for viewers that come later.
+/// History that a server keeps for late joiners, bytes.
 const SERVER_MEMORY: u64 = 64 << 20;
-/// What may wait for a connection.
+/// Maximum data that waits for a connection, bytes.
 const MAX_IN_FLIGHT: u64 = 2 << 20;
-/// Between two looks at a connection, or for one.
-const LOOK: Duration = Duration::from_secs(1);
-/// A viewer answers within this.
-const ANSWER: Duration = Duration::from_millis(300);
-const HANDSHAKE: Duration = Duration::from_secs(1);
-/// The last of a session may take so long to reach a viewer.
-const FAREWELL: Duration = Duration::from_millis(500);
+/// Period of checking a connection, or of looking for one.
+const CHECK_PERIOD: Duration = Duration::from_secs(1);
+/// Maximum time until a viewer accepts a connection, and until it answers on it.
+const CONNECT_TIMEOUT: Duration = Duration::from_millis(300);
+const HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(1);
+/// Maximum time to send the end of a session to a viewer.
+const FLUSH_TIMEOUT: Duration = Duration::from_millis(500);
 
 impl Identity {
     fn builder(&self) -> RecordingStreamBuilder {
@@ -45,7 +46,7 @@ impl Identity {
         builder.recording_name(self.name.as_str())
     }
 
-    /// A stream into a file.
+    /// A stream that writes a file.
     ///
     /// # Errors
     /// When the file cannot be created.
@@ -53,10 +54,10 @@ impl Identity {
         self.builder().save(path)
     }
 
-    /// A stream that viewers come for.
+    /// A stream with a server that viewers connect to.
     ///
     /// # Errors
-    /// As Rerun.
+    /// As Rerun reports them.
     pub(super) fn server(&self, address: SocketAddr) -> RecordingStreamResult<RecordingStream> {
         let options =
             ServerOptions { memory_limit: MemoryLimit::from_bytes(SERVER_MEMORY), ..ServerOptions::default() };
@@ -69,90 +70,90 @@ impl Identity {
     }
 }
 
-/// Draws into a file or for a server until nothing more comes, and gives the stream back: a file's footer is written when its stream is
-/// dropped, and a server goes with its stream.
+/// Writes to a file or a server until the session ends, and returns the stream. Dropping it writes the
+/// file's footer or ends the server.
 pub(super) fn draw(rec: RecordingStream, identity: &Identity, inbox: &Inbox) -> Option<RecordingStream> {
     let mut writer = RerunWriter::new(identity.unix_zero_us);
-    complain(writer.begin(rec));
+    log_error(writer.begin(rec));
     while let Ok(update) = inbox.next(Duration::MAX) {
-        complain(writer.take(&update, inbox));
+        log_error(writer.take(&update, inbox));
     }
-    complain(writer.step_back());
+    log_error(writer.show_whole_map());
     let rec = writer.end();
     if let Some(rec) = &rec {
-        complain(rec.flush_with_timeout(FAREWELL));
+        log_error(rec.flush_with_timeout(FLUSH_TIMEOUT));
     }
     rec
 }
 
-/// Draws for a viewer that listens, for as long as it does, and again when it is back.
-#[expect(clippy::disallowed_methods, reason = "a connection lives in real time")]
+/// Writes to a viewer while it listens, and again after it reconnects.
+#[expect(clippy::disallowed_methods, reason = "connections are in real time")]
 pub(super) fn visit(url: &str, host: &str, identity: &Identity, inbox: &Inbox) {
     let mut writer = RerunWriter::new(identity.unix_zero_us);
     let is_gone = Arc::new(AtomicBool::new(false));
-    let mut looked: Option<Instant> = None;
-    let (mut has_said, mut probe) = (false, Probe::default());
+    let mut checked: Option<Instant> = None;
+    let (mut has_logged, mut probe) = (false, Probe::default());
     loop {
-        if looked.is_none_or(|looked| looked.elapsed() >= LOOK) {
+        if checked.is_none_or(|checked| checked.elapsed() >= CHECK_PERIOD) {
             if is_gone.swap(false, Ordering::Relaxed)
                 && let Some(rec) = writer.end()
             {
-                tracing::warn!("viewer: {url} is gone; it gets everything when it is back");
+                tracing::warn!("viewer: {url} is gone; it receives the full map when it is back");
                 dispose(rec);
             }
-            match writer.canvas() {
-                Some(rec) => look_after(rec, &is_gone),
+            match writer.stream() {
+                Some(rec) => check_connection(rec, &is_gone),
                 None if probe.listens(host, url) => {
                     tracing::info!("viewer: shown at {url}");
-                    complain(identity.connection(url).and_then(|rec| writer.begin(rec)));
+                    log_error(identity.connection(url).and_then(|rec| writer.begin(rec)));
                 }
-                None if !std::mem::replace(&mut has_said, true) => {
-                    tracing::info!("viewer: nobody answers at {url} yet; `rerun` opens a viewer there");
+                None if !std::mem::replace(&mut has_logged, true) => {
+                    tracing::info!("viewer: no viewer listens at {url} yet; start one with `rerun`");
                 }
                 None => {}
             }
-            looked = Some(Instant::now());
+            checked = Some(Instant::now());
         }
-        match inbox.next(LOOK) {
-            Ok(update) => complain(writer.take(&update, inbox)),
+        match inbox.next(CHECK_PERIOD) {
+            Ok(update) => log_error(writer.take(&update, inbox)),
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => break,
         }
     }
-    complain(writer.step_back());
+    log_error(writer.show_whole_map());
     if let Some(rec) = writer.end() {
-        complain(rec.flush_with_timeout(FAREWELL));
+        log_error(rec.flush_with_timeout(FLUSH_TIMEOUT));
         dispose(rec);
     }
 }
 
-/// Looks for a viewer.
+/// Tests whether a viewer listens.
 #[derive(Default)]
 struct Probe {
-    /// The last look, as long as it is being taken down: what listens but does not answer may take for ever.
+    /// The thread that closes the last connection. It may hang if a listener does not answer.
     last: Option<JoinHandle<()>>,
 }
 
 impl Probe {
-    /// True where a viewer answers, not just anything that listens.
+    /// True if a viewer answers, and not just any listener.
     fn listens(&mut self, host: &str, url: &str) -> bool {
         if self.last.as_ref().is_some_and(|last| !last.is_finished()) {
             return false;
         }
         let addresses = host.to_socket_addrs().into_iter().flatten();
-        if !addresses.into_iter().any(|address| TcpStream::connect_timeout(&address, ANSWER).is_ok()) {
+        if !addresses.into_iter().any(|address| TcpStream::connect_timeout(&address, CONNECT_TIMEOUT).is_ok()) {
             return false;
         }
         let Ok(url) = url.parse() else { return false };
         let sink = GrpcSink::new(url);
-        let answers = sink.flush_blocking(HANDSHAKE).is_ok();
+        let answers = sink.flush_blocking(HANDSHAKE_TIMEOUT).is_ok();
         self.last = Some(std::thread::spawn(move || drop(sink)));
         answers
     }
 }
 
-/// Asks the connection how it is; the answer comes when it comes.
-fn look_after(rec: &RecordingStream, is_gone: &Arc<AtomicBool>) {
+/// Asks for the connection's state, which arrives later and sets `is_gone`.
+fn check_connection(rec: &RecordingStream, is_gone: &Arc<AtomicBool>) {
     let is_gone = Arc::clone(is_gone);
     rec.inspect_sink(move |sink| {
         let status = (sink as &dyn std::any::Any).downcast_ref::<GrpcSink>().map(GrpcSink::status);
@@ -162,12 +163,12 @@ fn look_after(rec: &RecordingStream, is_gone: &Arc<AtomicBool>) {
     });
 }
 
-/// Takes a stream down somewhere where nobody waits for it.
+/// Drops a stream on a thread of its own, because dropping it may block.
 fn dispose(rec: RecordingStream) {
     std::thread::spawn(move || drop(rec));
 }
 
-fn complain<E: std::fmt::Display>(result: Result<(), E>) {
+fn log_error<E: std::fmt::Display>(result: Result<(), E>) {
     if let Err(error) = result {
         tracing::debug!("viewer: {error}");
     }

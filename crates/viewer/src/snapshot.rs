@@ -1,13 +1,10 @@
-//! One sweep as it is shown: a small copy, made on the pipeline's thread.
+//! A small copy of one sweep for display, made on the pipeline's thread.
 
-use slamd_core::event::{Counters, Estimate, SensorState, Verdict};
-use slamd_core::geometry::{Pose2, Ring, Segment};
-use slamd_core::pipeline::Pipeline;
-use slamd_core::time::Timestamp;
+use slamd_core::{Counters, Estimate, Pipeline, Pose2, Ring, Segment, SensorState, Timestamp, Verdict};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// One sweep, and what is known by then.
+/// One sweep with the estimates at its time.
 #[derive(Clone, Debug)]
 pub(super) struct Snapshot {
     /// The sweep's reference instant.
@@ -16,48 +13,48 @@ pub(super) struct Snapshot {
     pub(super) sweep: u64,
     /// The pose, once there is one.
     pub(super) estimate: Option<Estimate>,
-    /// One per sensor, by id; none for a sweep of which only the pose is news.
+    /// One beam per sensor, by id. Empty if only the pose is new.
     pub(super) beams: Vec<Beam>,
-    /// The sensors' places.
+    /// The sensors' mountings.
     pub(super) ring: Arc<Ring>,
-    /// True while the robot does not know where it is, having known it before.
+    /// True while the pose is lost.
     pub(super) is_lost: bool,
-    /// The walls, where they have been looked at this time.
+    /// The walls, if they are part of this snapshot.
     pub(super) segments: Option<Arc<[Segment]>>,
-    /// What has been counted.
+    /// The pipeline's counters.
     pub(super) counters: Counters,
-    /// From the sweep's last ping to here, session time.
+    /// Time from the sweep's reference instant to this snapshot, session time.
     pub(super) latency: Duration,
-    /// What the pipeline took for it, processor and all.
+    /// The pipeline's computing time for the sweep.
     pub(super) took: Duration,
 }
 
-/// One beam of it.
+/// One beam of a sweep.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Beam {
     /// The sensor at its ping, in the robot frame of the reference instant.
     pub(super) robot_from_sensor: Pose2,
-    /// Half its opening angle, radians.
+    /// Half opening angle, radians.
     pub(super) half_angle_rad: f32,
-    /// Metres, or as REP-117.
+    /// Range, metres, as in REP-117.
     pub(super) range_m: f32,
-    /// What became of it.
+    /// How the estimator used the beam.
     pub(super) verdict: Verdict,
     /// The sensor's state.
     pub(super) state: SensorState,
-    /// The evidence that the sensor is broken; a fault is declared from 6 on, NaN where the method has none.
+    /// The evidence of a fault, which is declared above 6; NaN if the method has none.
     pub(super) score: f32,
-    /// Root of what PCA leaves unexplained, metres.
+    /// Square root of the PCA residual (MSPE), metres.
     pub(super) residual_m: f32,
 }
 
 impl Snapshot {
-    /// The newest sweep of the pipeline.
-    #[expect(clippy::cast_possible_truncation, reason = "to be looked at")]
+    /// The beams of the pipeline's newest sweep.
+    #[expect(clippy::cast_possible_truncation, reason = "for display")]
     pub(super) fn beams(pipeline: &Pipeline) -> Vec<Beam> {
         let beams = pipeline.sweep().map_or(&[][..], |sweep| &sweep.beams);
         let states = pipeline.states();
-        let beam = |(sensor, beam): (usize, &slamd_core::sweep::Beam)| {
+        let beam = |(sensor, beam): (usize, &slamd_core::Beam)| {
             let (score, residual_m) = pipeline.fault_evidence(sensor);
             let verdict = pipeline.verdict(sensor);
             Beam {

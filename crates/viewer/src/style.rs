@@ -1,10 +1,9 @@
-//! Names, colours and sizes of what is shown, and what of it never changes.
+//! Names, colours and sizes of everything shown, and the static data.
 
 use rerun::{RecordingStream, RecordingStreamResult};
-use slamd_core::event::{FaultKind, SensorState, Verdict};
-use slamd_core::geometry::Ring;
+use slamd_core::{FaultKind, Ring, SensorState, Verdict};
 
-/// Entities. The path is the tree of frames, named as in REP-105.
+/// Entity paths. They follow the tree of frames, named as in REP-105.
 pub(super) const MAP: &str = "map";
 pub(super) const GRID: &str = "map/grid";
 pub(super) const WALLS: &str = "map/walls";
@@ -24,7 +23,7 @@ pub(super) const RESIDUALS: &str = "series/pca_residual_m";
 pub(super) const RATES: &str = "series/per_second";
 pub(super) const DELAYS: &str = "series/delay_ms";
 pub(super) const DROPS: &str = "series/dropped";
-pub(super) const HOLD: &str = "state/position";
+pub(super) const LOCALIZATION: &str = "state/position";
 pub(super) const LOG: &str = "log";
 
 /// A sensor's frame.
@@ -42,7 +41,7 @@ pub(super) fn lane(sensor: usize) -> String {
 /// Red, green, blue, opacity.
 pub(super) type Rgba = [u8; 4];
 
-/// As Rerun draws unknown cells: the map has no edge.
+/// Rerun's colour of unknown cells, so that the map has no visible edge.
 pub(super) const UNKNOWN: Rgba = [112, 137, 134, 255];
 pub(super) const DARK: Rgba = [20, 24, 31, 255];
 pub(super) const ESTIMATED: Rgba = [30, 110, 255, 255];
@@ -75,7 +74,7 @@ pub(super) const fn state(state: SensorState) -> Rgba {
     }
 }
 
-/// The word for it.
+/// The name of a state.
 #[must_use]
 pub(super) const fn word(state: SensorState) -> &'static str {
     match state {
@@ -84,19 +83,19 @@ pub(super) const fn word(state: SensorState) -> &'static str {
     }
 }
 
-/// Words of [`HOLD`].
+/// Words of [`LOCALIZATION`].
 pub(super) const KNOWN: &str = "known";
 pub(super) const LOST: &str = "lost";
 
-/// Logs what never changes, once a stream has begun.
+/// Logs the static data of a stream.
 ///
 /// # Errors
-/// As Rerun.
+/// As Rerun reports them.
 pub(super) fn log(rec: &RecordingStream) -> RecordingStreamResult<()> {
     rec.log_static(MAP, &rerun::ViewCoordinates::RIGHT_HAND_Z_UP())?;
     let names = [
         (HEADING, vec!["estimated", "encoders alone"], vec![ESTIMATED, ODOMETRY]),
-        (NIS, vec!["NIS, 1 on the mean"], vec![ESTIMATED]),
+        (NIS, vec!["NIS (mean 1 if consistent)"], vec![ESTIMATED]),
         (RATES, vec!["sweeps", "CRC errors", "lost frames", "dropped sweeps"], vec![USED, FAULTY, UNEXPLAINED, TRUTH]),
         (DELAYS, vec!["ping to pose", "computing"], vec![ESTIMATED, USED]),
         (DROPS, vec!["not shown"], vec![FAULTY]),
@@ -106,14 +105,14 @@ pub(super) fn log(rec: &RecordingStream) -> RecordingStreamResult<()> {
         rec.log_static(path, &rerun::SeriesLines::new().with_names(names).with_colors(colours).with_widths([1.5]))?;
     }
     let words = [KNOWN, LOST];
-    rec.log_static(HOLD, &states(words, [USED, FAULTY]))
+    rec.log_static(LOCALIZATION, &states(words, [USED, FAULTY]))
 }
 
-/// Logs what never changes of a ring: its frames and the robot's outline.
+/// Logs the static data of a ring: its frames and the robot's outline.
 ///
 /// # Errors
-/// As Rerun.
-#[expect(clippy::cast_possible_truncation, reason = "to be looked at")]
+/// As Rerun reports them.
+#[expect(clippy::cast_possible_truncation, reason = "for display")]
 pub(super) fn log_ring(rec: &RecordingStream, ring: &Ring) -> RecordingStreamResult<()> {
     for (sensor, mounting) in ring.mountings.iter().enumerate() {
         rec.log_static(sonar(sensor), &super::shapes::transform(mounting.robot_from_sensor))?;
@@ -122,7 +121,7 @@ pub(super) fn log_ring(rec: &RecordingStream, ring: &Ring) -> RecordingStreamRes
     for path in [SCORES, RESIDUALS] {
         rec.log_static(path, &rerun::SeriesLines::new().with_names(names.clone()))?;
     }
-    let radius = |m: &slamd_core::geometry::Mounting| m.robot_from_sensor.position().coords.norm();
+    let radius = |m: &slamd_core::Mounting| m.robot_from_sensor.position().coords.norm();
     let radius_m = ring.mountings.iter().map(radius).fold(0.1, f64::max) as f32;
     rec.log_static(BODY, &super::shapes::robot(radius_m, ROBOT))
 }
@@ -130,7 +129,7 @@ pub(super) fn log_ring(rec: &RecordingStream, ring: &Ring) -> RecordingStreamRes
 /// Logs the lane of a sensor.
 ///
 /// # Errors
-/// As Rerun.
+/// As Rerun reports them.
 pub(super) fn log_lane(rec: &RecordingStream, sensor: usize) -> RecordingStreamResult<()> {
     let kinds = [FaultKind::Missing, FaultKind::Saturated, FaultKind::Noisy, FaultKind::Stuck];
     let [missing, saturated, noisy, stuck] = kinds.map(FaultKind::word);
@@ -143,7 +142,7 @@ fn states<const N: usize>(words: [&str; N], colours: [Rgba; N]) -> rerun::StateC
     rerun::StateConfiguration::new().with_values(words).with_colors(colours.map(colour))
 }
 
-/// As Rerun has it.
+/// Converts a colour.
 #[must_use]
 pub(super) fn colour([r, g, b, a]: Rgba) -> rerun::Color {
     rerun::Color::from_unmultiplied_rgba(r, g, b, a)

@@ -1,38 +1,33 @@
-//! The pipeline's thread: copies what is small, leaves it for the sinks, goes on.
+//! Runs on the pipeline's thread: queues small copies for the sinks and never blocks.
 
 use super::mailbox::{Mailbox, NewMap, SinkUpdate};
 use super::snapshot::Snapshot;
-use slamd_core::driver::{Context, Update};
-use slamd_core::event::{Estimate, Event};
-use slamd_core::geometry::Ring;
-use slamd_core::mapping::grid::MapChange;
-use slamd_core::pipeline::Pipeline;
-use slamd_core::time::Timestamp;
+use slamd_core::{Context, Estimate, Event, MapChange, Pipeline, Ring, Timestamp, Update};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Watches a session.
+/// Passes a session's updates to the sinks.
 pub struct Tap {
     mailboxes: Vec<Mailbox>,
     ring: Arc<Ring>,
-    /// An estimate that has not been shown.
+    /// An estimate that was not sent yet.
     estimate: Option<Estimate>,
-    /// The last sweep shown.
+    /// The last sweep sent.
     sweep: Option<u64>,
     is_lost: bool,
     map_revision: u64,
-    mapped: Option<Timestamp>,
-    walled: Option<Timestamp>,
-    true_at: Option<Timestamp>,
+    map_at: Option<Timestamp>,
+    walls_at: Option<Timestamp>,
+    truth_at: Option<Timestamp>,
 }
 
-/// Between two looks at the map, seconds of the session; half a period later the walls are looked at.
+/// Period of sending the map, session time, seconds. The walls follow half a period later.
 const MAP_PERIOD_S: f64 = 1.0;
-/// Between two true poses, seconds.
+/// Minimum time between two true poses, seconds.
 const TRUTH_PERIOD_S: f64 = 0.1;
 
 impl Tap {
-    /// A tap that fills these.
+    /// A tap that sends to these mailboxes.
     #[must_use]
     pub(super) fn new(mailboxes: Vec<Mailbox>) -> Self {
         Self {
@@ -42,17 +37,18 @@ impl Tap {
             sweep: None,
             is_lost: false,
             map_revision: 0,
-            mapped: None,
-            walled: None,
-            true_at: None,
+            map_at: None,
+            walls_at: None,
+            truth_at: None,
         }
     }
 
-    /// Takes what happens.
+    /// Handles an update.
     pub fn see(&mut self, context: &Context<'_>, update: Update<'_>) {
         match update {
             Update::Event(Event::Estimate(estimate)) => {
-                // The first poses come all at once, when the axis is found; only the last one's sweep is still there.
+                // The first poses come all at once, after the initialization. The pipeline still
+                // holds only the last one's sweep.
                 if let Some(earlier) = self.estimate.replace(*estimate) {
                     self.show(context, earlier.at, earlier.sweep, Some(earlier));
                 }
@@ -60,8 +56,8 @@ impl Tap {
             Update::Event(Event::Localization(event)) => self.is_lost = event.is_lost(),
             Update::Event(_) | Update::Transmit(_) => {}
             Update::Truth(at, pose) => {
-                if self.true_at.is_none_or(|last| at.seconds_since(last) >= TRUTH_PERIOD_S) {
-                    self.true_at = Some(at);
+                if self.truth_at.is_none_or(|last| at.seconds_since(last) >= TRUTH_PERIOD_S) {
+                    self.truth_at = Some(at);
                     self.offer(&SinkUpdate::Truth(at, pose));
                 }
             }
@@ -69,7 +65,7 @@ impl Tap {
         }
     }
 
-    /// Shows the newest sweep, if it is new.
+    /// Sends the pipeline's sweep, if it is new.
     fn sweep(&mut self, context: &Context<'_>) {
         let Some(sweep) = context.pipeline.sweep() else { return };
         let estimate = self.estimate.take();
@@ -80,7 +76,7 @@ impl Tap {
             self.show(context, earlier.at, earlier.sweep, Some(earlier));
         }
         if self.sweep.replace(sweep.index) != Some(sweep.index) {
-            self.look_at_map(context.pipeline, sweep.at);
+            self.send_map(context.pipeline, sweep.at);
             self.show(context, sweep.at, sweep.index, estimate.filter(|estimate| estimate.sweep == sweep.index));
         }
     }
@@ -90,10 +86,10 @@ impl Tap {
             self.ring = Arc::new(ring.clone());
         }
         let is_newest = self.sweep == Some(sweep);
-        let is_time = self.walled.is_none_or(|last| at.seconds_since(last) >= MAP_PERIOD_S);
+        let is_time = self.walls_at.is_none_or(|last| at.seconds_since(last) >= MAP_PERIOD_S);
         let segments = (is_newest && is_time).then(|| context.pipeline.segments().into());
         if segments.is_some() {
-            self.walled = Some(at);
+            self.walls_at = Some(at);
         }
         let snapshot = Snapshot {
             at,
@@ -110,13 +106,13 @@ impl Tap {
         self.offer(&SinkUpdate::Snapshot(Arc::new(snapshot)));
     }
 
-    fn look_at_map(&mut self, pipeline: &Pipeline, at: Timestamp) {
-        if self.mapped.is_some_and(|last| at.seconds_since(last) < MAP_PERIOD_S) {
+    fn send_map(&mut self, pipeline: &Pipeline, at: Timestamp) {
+        if self.map_at.is_some_and(|last| at.seconds_since(last) < MAP_PERIOD_S) {
             return;
         }
-        let begins = self.mapped.replace(at).is_none();
-        if begins {
-            self.walled = Some(Timestamp::from_us(at.us().saturating_sub(500_000)));
+        let is_first = self.map_at.replace(at).is_none();
+        if is_first {
+            self.walls_at = Some(Timestamp::from_us(at.us().saturating_sub(500_000)));
         }
         let Some((change, next)) = pipeline.map_since(self.map_revision) else { return };
         self.map_revision = next;

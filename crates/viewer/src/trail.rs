@@ -1,6 +1,7 @@
-//! A path in pieces: only the newest piece is sent again and again, so that an hour costs no more per second than a minute.
+//! A path in pieces. Only the newest piece is sent repeatedly, so the cost per second does not grow
+//! with the path.
 
-use slamd_core::geometry::Point;
+use slamd_core::Point;
 use std::collections::VecDeque;
 
 /// A path.
@@ -11,23 +12,23 @@ pub(super) struct Trail {
     piece: Vec<[f32; 3]>,
     /// The number of pieces ever completed.
     completed: usize,
-    /// That number when the new pieces were last taken.
+    /// Value of `completed` when the new pieces were last taken.
     taken: usize,
     is_new: bool,
 }
 
-/// A corner every so far, metres.
+/// Minimum distance between two points, metres.
 const SPACING_M: f64 = 0.04;
-/// Corners of a piece.
+/// Points per piece.
 const PIECE: usize = 128;
-/// Pieces kept: more than a kilometre.
+/// Maximum number of pieces kept: more than a kilometre.
 pub(super) const MAX_PIECES: usize = 256;
-/// Above the map.
+/// Height above the map.
 const HEIGHT_M: f32 = 0.012;
 
 impl Trail {
-    /// Goes on to a point.
-    #[expect(clippy::cast_possible_truncation, reason = "to be looked at")]
+    /// Appends a point.
+    #[expect(clippy::cast_possible_truncation, reason = "for display")]
     pub(super) fn push(&mut self, point: Point) {
         let corner = [point.x as f32, point.y as f32, HEIGHT_M];
         let apart = |last: &[f32; 3]| f64::from((last[0] - corner[0]).hypot(last[1] - corner[1]));
@@ -45,7 +46,8 @@ impl Trail {
         }
     }
 
-    /// The pieces that have changed since the last call, and the number of each; a number comes again when its piece is forgotten.
+    /// The pieces that changed since the last call, with their numbers. Numbers are reused after the
+    /// oldest pieces are dropped.
     pub(super) fn take_new(&mut self) -> impl Iterator<Item = (usize, &[[f32; 3]])> {
         let begun = self.completed - std::mem::replace(&mut self.taken, self.completed);
         let count = if std::mem::take(&mut self.is_new) { begun + 1 } else { 0 };
@@ -57,7 +59,7 @@ impl Trail {
         self.newest(MAX_PIECES)
     }
 
-    /// The newest pieces: the one that grows, and complete ones before it.
+    /// The newest pieces: the incomplete one, and complete ones before it.
     fn newest(&self, count: usize) -> impl Iterator<Item = (usize, &[[f32; 3]])> {
         let numbered = (self.completed - self.past.len()..).zip(self.past.iter().chain([&self.piece]));
         let skipped = (self.past.len() + 1).saturating_sub(count);
@@ -70,7 +72,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_pieces_make_up_the_path() {
+    fn the_pieces_form_the_path() {
         let mut trail = Trail::default();
         let mut shown = std::collections::BTreeMap::new();
         for step in 0..1_000 {
@@ -87,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn an_endless_path_is_bounded() {
+    fn the_memory_of_an_endless_path_is_bounded() {
         let mut trail = Trail::default();
         for step in 0..200_000 {
             trail.push(Point::new(0.05 * f64::from(step), 0.0));

@@ -1,7 +1,7 @@
-//! The hub's copy of a capture: it grows by pieces whose digest holds, and gets its name when it is whole.
+//! The hub's copy of a capture. It grows by verified pieces and is renamed when complete.
 //!
-//! Only checked bytes are written, so what a kill leaves behind is the capture's beginning, and the next piece's digest covers that beginning too: a
-//! copy that a broken disk has changed is noticed, and fetched anew.
+//! Only verified bytes are written, so a kill leaves the capture's beginning. The next piece's digest
+//! covers that beginning too, so a copy that a bad disk changed is detected and fetched again.
 
 use crate::session::SessionId;
 use crate::wire::Piece;
@@ -11,7 +11,7 @@ use std::io::{self, Read as _};
 use std::os::unix::fs::{FileExt as _, OpenOptionsExt as _};
 use std::path::{Path, PathBuf};
 
-/// A copy that is not whole yet.
+/// An incomplete copy.
 #[derive(Debug)]
 pub struct Copy {
     file: File,
@@ -27,62 +27,62 @@ pub struct Files {
     session: SessionId,
 }
 
-/// A piece that is not taken.
+/// A piece that is rejected.
 #[derive(Debug, thiserror::Error)]
 pub enum CopyError {
-    /// It does not go on where the copy ends.
+    /// The piece does not begin where the copy ends.
     #[error("a piece from byte {from} was sent where byte {expected} was asked for")]
     Elsewhere {
-        /// Where it begins.
+        /// Its first byte.
         from: u64,
-        /// Where the copy ends.
+        /// The copy's length.
         expected: u64,
     },
     /// The piece or the copy is damaged.
     #[error("the copy or a piece of it is damaged: its digest does not hold")]
     Digest,
-    /// The disk refuses.
+    /// The disk fails.
     #[error("{}: {source}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: io::Error,
     },
 }
 
 impl Files {
-    /// Those of a session.
+    /// The files of a session in `folder`.
     #[must_use]
     pub fn new(folder: &Path, session: SessionId) -> Self {
         Self { folder: folder.into(), session }
     }
 
-    /// The whole capture.
+    /// The complete capture.
     #[must_use]
     pub fn capture(&self) -> PathBuf {
         self.folder.join(format!("{}.mcap", self.session))
     }
 
-    /// The capture while it is not whole.
+    /// The incomplete capture.
     #[must_use]
     pub fn part(&self) -> PathBuf {
         self.folder.join(format!("{}.mcap.part", self.session))
     }
 
-    /// Which puts were heard.
+    /// The list of received puts.
     #[must_use]
     pub fn heard(&self) -> PathBuf {
         self.folder.join(format!("{}.heard", self.session))
     }
 
-    /// The names of the files that are written when all is there: every pose, and the summary, which comes last.
+    /// The names of the files written at the end: all poses, then the summary.
     #[must_use]
     pub fn results(&self) -> [String; 2] {
         [format!("{}.poses.csv", self.session), format!("{}.json", self.session)]
     }
 
-    /// True where the capture is whole and the summary is written.
+    /// True if the capture is complete and the summary is written.
     #[must_use]
     pub fn is_done(&self) -> bool {
         let [_, summary] = self.results();
@@ -102,7 +102,7 @@ impl Files {
 }
 
 impl Copy {
-    /// Goes on with what is there, or begins.
+    /// Continues an existing copy, or begins a new one.
     ///
     /// # Errors
     /// When the file cannot be opened or read.
@@ -114,25 +114,26 @@ impl Copy {
         Ok(Self { file, files, bytes, sha256 })
     }
 
-    /// Begins again from nothing, in another file: who reads the old one must be told.
+    /// Begins again with an empty file. Readers of the old file must be stopped.
     ///
     /// # Errors
-    /// When that cannot be done.
+    /// When the file cannot be removed or created.
     pub fn begin_again(self) -> Result<Self, CopyError> {
         std::fs::remove_file(self.files.part()).map_err(self.files.io())?;
         Self::open(self.files)
     }
 
-    /// Bytes there are.
+    /// Length of the copy, bytes.
     #[must_use]
     pub const fn bytes(&self) -> u64 {
         self.bytes
     }
 
-    /// Takes the next piece.
+    /// Appends the next piece.
     ///
     /// # Errors
-    /// Where it is not the next one, or it and all in front of it are not what the robot has; nothing is written then.
+    /// When it is not the next piece, or when it or the bytes before it differ from the robot's. Nothing
+    /// is written then.
     pub fn take(&mut self, piece: &Piece) -> Result<(), CopyError> {
         if piece.from != self.bytes {
             return Err(CopyError::Elsewhere { from: piece.from, expected: self.bytes });
@@ -141,23 +142,23 @@ impl Copy {
         if <[u8; 32]>::from(sha256.clone().finalize()) != piece.sha256 {
             return Err(CopyError::Digest);
         }
-        // At a place of its own: what a failed write has left is written over.
+        // Write at an explicit offset, which overwrites what a failed write has left.
         self.file.write_all_at(&piece.bytes, self.bytes).map_err(self.files.io())?;
         (self.bytes, self.sha256) = (self.bytes + piece.bytes.len() as u64, sha256);
         Ok(())
     }
 
-    /// The copy is whole: it gets its name, once the disk has it.
+    /// Renames the complete copy, after it is on disk.
     ///
     /// # Errors
-    /// When the disk refuses.
+    /// When the disk fails.
     pub fn finish(&self) -> Result<(), CopyError> {
         let named = self.file.sync_all().and_then(|()| std::fs::rename(self.files.part(), self.files.capture()));
         named.and_then(|()| File::open(&self.files.folder)?.sync_all()).map_err(self.files.io())
     }
 }
 
-/// The length and the digest of what is left of a file.
+/// The length and the digest of the rest of a file.
 ///
 /// # Errors
 /// When it cannot be read.
@@ -190,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn a_copy_grows_over_kills_and_repetitions_and_nothing_wrong_gets_in() {
+    fn a_copy_grows_over_kills_and_repetitions_and_rejects_wrong_pieces() {
         let folder = tempfile::tempdir().unwrap();
         let files = Files::new(folder.path(), SessionId::default());
         let mut copy = Copy::open(files.clone()).unwrap();
@@ -199,11 +200,11 @@ mod tests {
         let mut wrong = piece(7, 10);
         wrong.bytes[0] ^= 1;
         assert!(matches!(copy.take(&wrong), Err(CopyError::Digest)));
-        // Killed and started again.
+        // After a kill and a restart.
         let mut copy = Copy::open(files.clone()).unwrap();
         assert_eq!(copy.bytes(), 7);
         copy.take(&piece(7, 10)).unwrap();
-        // The disk has lost a bit: the next piece tells.
+        // The disk has changed a bit: the next piece's digest detects it.
         std::fs::write(files.part(), b"a capt_re,").unwrap();
         let mut copy = Copy::open(files.clone()).unwrap();
         assert!(matches!(copy.take(&piece(10, CONTENT.len())), Err(CopyError::Digest)));

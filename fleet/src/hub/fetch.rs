@@ -1,4 +1,4 @@
-//! Fetches what a robot offers: one thread per robot, one question after the other.
+//! Fetches what a robot offers, with one thread per robot and one query at a time.
 
 use super::Update;
 use super::copy::{Copy, CopyError, Files};
@@ -12,12 +12,12 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 use zenoh::{Session, Wait as _};
 
-/// What is to be fetched.
+/// A request to fetch from a robot.
 #[derive(Clone, Debug)]
 pub struct Request {
-    /// What the robot offers.
+    /// The captures that the robot offers.
     pub captures: Vec<Offer>,
-    /// Its map is far ahead of what is known of its capture.
+    /// True if the robot's map is far ahead of the fetched capture.
     pub map: bool,
 }
 
@@ -28,50 +28,56 @@ struct Fetcher {
     session: Session,
     keys: [String; 2],
     open: BTreeMap<SessionId, (Copy, Replica)>,
-    news: Sender<Update>,
+    updates: Sender<Update>,
 }
 
-/// A robot that answers no sooner is asked again when it tells its status.
+/// Timeout of a query. The robot's next status message triggers it again.
 const PATIENCE: Duration = Duration::from_secs(5);
 const MAX_WORDS: usize = 200;
 
-/// Begins to fetch from a robot into its folder; what is told last is fetched.
-pub fn begin(site: &Name, robot: &Name, folder: PathBuf, session: &Session, news: &Sender<Update>) -> Sender<Request> {
-    let (wishes, wanted) = channel();
+/// Starts a thread that fetches from a robot into its folder. Only the newest request counts.
+pub fn begin(
+    site: &Name,
+    robot: &Name,
+    folder: PathBuf,
+    session: &Session,
+    updates: &Sender<Update>,
+) -> Sender<Request> {
+    let (requests, wanted) = channel();
     let mut fetcher = Fetcher {
         robot: robot.clone(),
         folder,
         session: session.clone(),
         keys: [Topic::Capture, Topic::Map].map(|topic| key(site, robot, topic)),
         open: BTreeMap::new(),
-        news: news.clone(),
+        updates: updates.clone(),
     };
     std::thread::spawn(move || {
-        while let Some(wish) = newest(&wanted) {
-            if let Err(words) = fetcher.fetch(&wish) {
+        while let Some(request) = newest(&wanted) {
+            if let Err(words) = fetcher.fetch(&request) {
                 fetcher.tell(Update::Trouble(fetcher.robot.clone(), words));
             }
         }
     });
-    wishes
+    requests
 }
 
-/// Waits for a wish, and passes over those that are out of date.
+/// Waits for a request and skips outdated ones.
 fn newest(wanted: &Receiver<Request>) -> Option<Request> {
     let first = wanted.recv().ok()?;
     Some(wanted.try_iter().last().unwrap_or(first))
 }
 
 impl Fetcher {
-    fn fetch(&mut self, wish: &Request) -> Result<(), String> {
-        if wish.map
+    fn fetch(&mut self, request: &Request) -> Result<(), String> {
+        if request.map
             && let Some(bytes) = self.ask(&self.keys[1])?
         {
             let grid = Grid::decode(&bytes).map_err(|error| format!("its map {error}"))?;
             self.tell(Update::Map(self.robot.clone(), grid));
         }
-        // The drive under way first.
-        for offer in wish.captures.iter().rev() {
+        // The current drive first.
+        for offer in request.captures.iter().rev() {
             let files = Files::new(&self.folder, offer.session);
             if !files.capture().exists() {
                 self.capture(offer, &files).map_err(|error| error.to_string())?;
@@ -80,14 +86,14 @@ impl Fetcher {
         Ok(())
     }
 
-    /// Fetches a capture as far as it is offered.
+    /// Fetches the offered part of a capture.
     fn capture(&mut self, offer: &Offer, files: &Files) -> Result<(), CopyError> {
         let session = offer.session;
         let (mut copy, mut replica) = match self.open.remove(&session) {
             Some(open) => open,
             None => {
                 let copy = Copy::open(files.clone())?;
-                (copy, Replica::begin(&self.robot, files, &self.news))
+                (copy, Replica::begin(&self.robot, files, &self.updates))
             }
         };
         let mut has_begun_again = false;
@@ -110,7 +116,7 @@ impl Fetcher {
                     has_begun_again = true;
                     replica.abandon();
                     copy = copy.begin_again()?;
-                    replica = Replica::begin(&self.robot, files, &self.news);
+                    replica = Replica::begin(&self.robot, files, &self.updates);
                 }
                 Err(error) => {
                     self.open.insert(session, (copy, replica));
@@ -122,7 +128,7 @@ impl Fetcher {
         Ok(())
     }
 
-    /// A piece; none where it was not to be had now.
+    /// Queries a piece; `None` if it is not available now.
     fn piece(&self, question: &str, session: SessionId) -> Option<Piece> {
         let answer = self.ask(question).and_then(|bytes| match bytes {
             Some(bytes) => Piece::decode(&bytes).map(Some).map_err(|error| format!("a piece of a capture {error}")),
@@ -137,22 +143,22 @@ impl Fetcher {
         }
     }
 
-    /// The answer to a question; none where nobody answers in time.
+    /// The answer to a query; `None` without an answer in time.
     fn ask(&self, question: &str) -> Result<Option<Vec<u8>>, String> {
         let answers = self.session.get(question).timeout(PATIENCE).wait().map_err(|error| error.to_string())?;
         let Ok(answer) = answers.recv() else { return Ok(None) };
         match answer.into_result() {
             Ok(sample) => Ok(Some(sample.payload().to_bytes().into_owned())),
             Err(refusal) => {
-                // A stranger's words: short, and without what takes over a terminal.
+                // Untrusted text: cut it, and remove control characters.
                 let words = String::from_utf8_lossy(&refusal.payload().to_bytes()).into_owned();
                 Err(words.chars().filter(|character| !character.is_control()).take(MAX_WORDS).collect())
             }
         }
     }
 
-    fn tell(&self, news: Update) {
-        // The hub is ending where nobody listens.
-        let _ = self.news.send(news);
+    fn tell(&self, update: Update) {
+        // Sending fails only when the hub is ending.
+        let _ = self.updates.send(update);
     }
 }

@@ -1,4 +1,4 @@
-//! Which puts of a drive were heard: what was not is counted as lost, once its capture tells what there was.
+//! The received puts of a drive. The others are counted as lost when the capture is complete.
 
 use std::collections::HashSet;
 use std::fs::{File, OpenOptions};
@@ -6,7 +6,7 @@ use std::io::{self, Read as _, Write as _};
 use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::Path;
 
-/// What was put.
+/// The kind of a put.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Kind {
     /// A pose.
@@ -15,18 +15,18 @@ pub enum Kind {
     Sweep,
 }
 
-/// The puts of one drive. Each is on disk before it counts, as a line `p NUMBER` or `s NUMBER`.
+/// The received puts of one drive. Each is written to disk first, as a line `p NUMBER` or `s NUMBER`.
 #[derive(Debug)]
 pub struct Heard {
     file: File,
     seqs: HashSet<(Kind, u64)>,
 }
 
-/// More than a month's drive has.
-const MOST: usize = 1 << 26;
+/// Maximum number of puts: more than a drive of one month has.
+const MAX_PUTS: usize = 1 << 26;
 
 impl Heard {
-    /// Goes on with what is there; half a line that a kill has left is cut off.
+    /// Continues an existing file. An incomplete last line, left by a kill, is cut off.
     ///
     /// # Errors
     /// When the file cannot be opened or read.
@@ -34,7 +34,7 @@ impl Heard {
         let mut file = OpenOptions::new().read(true).append(true).create(true).mode(0o600).open(path)?;
         let mut bytes = Vec::new();
         file.read_to_end(&mut bytes)?;
-        let whole = bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |place| place + 1);
+        let whole = bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |index| index + 1);
         file.set_len(whole as u64)?;
         let text = String::from_utf8_lossy(&bytes[..whole]);
         let seqs = text.lines().filter_map(|line| {
@@ -45,19 +45,19 @@ impl Heard {
         Ok(Self { seqs: seqs.collect(), file })
     }
 
-    /// Notes a put; one that is heard again changes nothing.
+    /// Records a put. A repeated put changes nothing.
     ///
     /// # Errors
     /// When it cannot be written.
     pub fn note(&mut self, kind: Kind, seq: u64) -> io::Result<()> {
-        if self.seqs.len() < MOST && !self.seqs.contains(&(kind, seq)) {
+        if self.seqs.len() < MAX_PUTS && !self.seqs.contains(&(kind, seq)) {
             self.file.write_all(format!("{} {seq}\n", kind.word()).as_bytes())?;
             self.seqs.insert((kind, seq));
         }
         Ok(())
     }
 
-    /// How many of these were heard.
+    /// The number of `seqs` that were received.
     #[must_use]
     pub fn count(&self, kind: Kind, seqs: &[u64]) -> usize {
         seqs.iter().filter(|seq| self.seqs.contains(&(kind, **seq))).count()
@@ -78,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_heard_outlives_a_kill() {
+    fn received_puts_survive_a_kill() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.heard");
         let mut heard = Heard::open(&path).unwrap();

@@ -1,16 +1,17 @@
-//! The hub: hears the robots, fetches their captures, and keeps the site's map.
+//! The hub: receives the robots' messages, fetches their captures, and maintains the site's map.
 //!
-//! Everything is in one folder, and each file of it is whole, or grows by checked pieces. So the hub may be killed at any time and started again:
+//! All data is in one folder. Each file is complete or grows by verified pieces, so the hub can be
+//! killed at any time and started again:
 //!
 //! | file | content |
 //! |---|---|
-//! | `captures/ROBOT/SESSION.mcap` | a whole capture; `.mcap.part` while it is fetched |
-//! | `captures/ROBOT/SESSION.poses.csv` | every pose of it |
-//! | `captures/ROBOT/SESSION.heard` | which puts of it were heard |
+//! | `captures/ROBOT/SESSION.mcap` | a complete capture; `.mcap.part` while it is fetched |
+//! | `captures/ROBOT/SESSION.poses.csv` | all its poses |
+//! | `captures/ROBOT/SESSION.heard` | its received puts |
 //! | `captures/ROBOT/SESSION.json` | its length, SHA-256, and how many puts were lost and refilled |
 //! | `maps/ROBOT.map` | the robot's newest map |
-//! | `merged.map`, `.pgm`, `.yaml`, `.png` | the site's map: the sums, and as pictures |
-//! | `status.json` | who is there, and where each robot's map lies |
+//! | `merged.map`, `.pgm`, `.yaml`, `.png` | the site's map: the sums, and images |
+//! | `status.json` | the connected robots, and the pose of each robot's map |
 
 pub mod copy;
 pub mod fetch;
@@ -38,60 +39,60 @@ use std::time::Duration;
 use zenoh::sample::{Sample, SampleKind};
 use zenoh::{Session, Wait as _};
 
-/// Something that has happened to a robot.
+/// News from a robot.
 #[derive(Debug)]
 pub enum Update {
-    /// It is there, or is not.
+    /// It connected (true) or disconnected.
     Alive(Name, bool),
-    /// It tells what it has.
+    /// Its status.
     Status(Name, Status),
-    /// A put was heard.
+    /// A put was received.
     Heard(Name, SessionId, Put, u64),
-    /// So many bytes of a capture are here.
+    /// The number of fetched bytes of a capture.
     Fetched(Name, SessionId, u64),
-    /// A map of it.
+    /// A map from it.
     Map(Name, Grid),
-    /// A drive is here as a whole.
+    /// A drive was fetched and played completely.
     Played(Name, Box<Played>),
-    /// Something is wrong.
+    /// An error.
     Trouble(Name, String),
 }
 
-/// What a hub is told.
+/// The hub's options.
 #[derive(Clone, Debug)]
 pub struct Hub {
     /// The site.
     pub site: Name,
     /// The fleet.
     pub fleet: FleetFile,
-    /// Where everything is kept.
+    /// The folder of all data.
     pub folder: PathBuf,
 }
 
-/// Puts that may wait to be noted: more are lost, and refilled.
+/// Maximum number of queued puts. Further ones are lost, and refilled from the capture.
 const MAX_WAITING: usize = 10_000;
-/// How soon a change is in the map.
-const TURN: Duration = Duration::from_millis(500);
+/// Maximum time between two checks whether to publish.
+const PUBLISH_CHECK_PERIOD: Duration = Duration::from_millis(500);
 
 impl Hub {
-    /// Listens, and runs until it is killed.
+    /// Listens and runs until killed.
     ///
     /// # Errors
-    /// Where the folder cannot be used, or nobody could come in, or too many.
+    /// When the folder or the address cannot be used, or robots could connect without a password.
     pub fn run(&self, at: &Endpoint, users: Option<&Path>) -> Result<(), Failure> {
-        let (news, heard) = channel();
-        let mut state = HubState::open(self, &news).map_err(|error| {
+        let (updates, heard) = channel();
+        let mut state = HubState::open(self, &updates).map_err(|error| {
             let text = format!("{}: {error}; choose a folder that can be written with --out", self.folder.display());
             Failure::new(Kind::CantCreate, text)
         })?;
         let session = listen(at, &self.site, &self.fleet, users)?;
         let waiting = Arc::new(AtomicUsize::new(0));
         for robot in self.fleet.robots().keys() {
-            self.listen_to(robot, &session, &news, &waiting)
+            self.listen_to(robot, &session, &updates, &waiting)
                 .map_err(|error| Failure::new(Kind::Unavailable, error.to_string()))?;
             let folder = self.captures(robot);
             create_folder(&folder).map_err(|error| Failure::new(Kind::CantCreate, error.to_string()))?;
-            state.fetch_by(robot, fetch::begin(&self.site, robot, folder, &session, &news));
+            state.fetch_by(robot, fetch::begin(&self.site, robot, folder, &session, &updates));
         }
         tracing::info!("site {}: listening, {} robots may come", self.site, self.fleet.robots().len());
         work(&mut state, &heard, &waiting)
@@ -101,27 +102,27 @@ impl Hub {
         self.folder.join("captures").join(robot.as_ref())
     }
 
-    /// Hears a robot's puts and whether it is there.
+    /// Subscribes to a robot's puts and its liveliness.
     fn listen_to(
         &self,
         robot: &Name,
         session: &Session,
-        news: &Sender<Update>,
+        updates: &Sender<Update>,
         waiting: &Arc<AtomicUsize>,
     ) -> zenoh::Result<()> {
-        let (name, out, waiting) = (robot.clone(), news.clone(), Arc::clone(waiting));
+        let (name, out, waiting) = (robot.clone(), updates.clone(), Arc::clone(waiting));
         let hear = move |sample: Sample| {
             let Some(item) = item(&name, &sample) else { return };
             if matches!(item, Update::Heard(..)) && waiting.fetch_add(1, Ordering::AcqRel) >= MAX_WAITING {
                 waiting.fetch_sub(1, Ordering::AcqRel);
                 return;
             }
-            // The hub is ending where nobody listens.
+            // Sending fails only when the hub is ending.
             let _ = out.send(item);
         };
         let every = format!("slamd/{}/{robot}/*", self.site);
         session.declare_subscriber(every).callback(hear).background().wait()?;
-        let (name, out) = (robot.clone(), news.clone());
+        let (name, out) = (robot.clone(), updates.clone());
         let notice = move |sample: Sample| {
             let _ = out.send(Update::Alive(name.clone(), sample.kind() == SampleKind::Put));
         };
@@ -130,7 +131,7 @@ impl Hub {
     }
 }
 
-/// What a put says; none where it says nothing that is known.
+/// Decodes a put; `None` for an unknown topic.
 fn item(robot: &Name, sample: &Sample) -> Option<Update> {
     let payload = sample.payload().to_bytes();
     let topic = sample.key_expr().as_str().rsplit('/').next().unwrap_or_default();
@@ -146,10 +147,10 @@ fn item(robot: &Name, sample: &Sample) -> Option<Update> {
     Some(read.unwrap_or_else(|error| Update::Trouble(robot.clone(), format!("its {topic} {error}"))))
 }
 
-/// The hub's only loop.
+/// The hub's main loop.
 fn work(state: &mut HubState, heard: &Receiver<Update>, waiting: &AtomicUsize) -> Result<(), Failure> {
     loop {
-        match heard.recv_timeout(TURN) {
+        match heard.recv_timeout(PUBLISH_CHECK_PERIOD) {
             Ok(item) => {
                 if matches!(item, Update::Heard(..)) {
                     waiting.fetch_sub(1, Ordering::AcqRel);

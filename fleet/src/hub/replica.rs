@@ -1,4 +1,5 @@
-//! A drive, played on the hub from its copy of the capture while that grows: so what was lost on the way is there all the same.
+//! Plays a drive on the hub from the growing copy of its capture. So data lost on the network is
+//! recovered.
 
 use super::Update;
 use super::copy::{Files, digest};
@@ -25,14 +26,14 @@ pub struct Replica {
     is_abandoned: Arc<AtomicBool>,
 }
 
-/// A drive that is whole and has been played to its end.
+/// The result of a complete drive, played to its end.
 #[derive(Clone, Debug)]
 pub struct Played {
-    /// Which.
+    /// The session.
     pub session: SessionId,
     /// Bytes of the capture.
     pub bytes: u64,
-    /// Its SHA-256 in hexadecimal, of what is on disk.
+    /// SHA-256 of the file on disk, in hexadecimal.
     pub sha256: String,
     /// The numbers of all poses.
     pub poses: Vec<u64>,
@@ -40,26 +41,26 @@ pub struct Played {
     pub sweeps: Vec<u64>,
     /// The poses as a file.
     pub poses_csv: String,
-    /// The last map; none where there was no pose.
+    /// The last map; `None` without a pose.
     pub map: Option<Grid>,
 }
 
-/// The map is told after so much time at least.
+/// Minimum time between two maps.
 const MAP_EVERY: Duration = Duration::from_secs(1);
 const LOOK: Duration = Duration::from_millis(20);
 
 impl Replica {
-    /// Begins to play a copy, whole or not, in a thread of its own.
+    /// Starts a thread that plays a copy, complete or not.
     #[must_use]
-    pub fn begin(robot: &Name, files: &Files, news: &Sender<Update>) -> Self {
+    pub fn begin(robot: &Name, files: &Files, updates: &Sender<Update>) -> Self {
         let replica = Self { grip: Grip::default(), is_abandoned: Arc::default() };
         let (grip, is_abandoned) = (replica.grip.clone(), Arc::clone(&replica.is_abandoned));
-        let (robot, files, news) = (robot.clone(), files.clone(), news.clone());
+        let (robot, files, updates) = (robot.clone(), files.clone(), updates.clone());
         std::thread::spawn(move || {
             let tell = |item: Update| {
                 if !is_abandoned.load(Ordering::Acquire) {
-                    // The hub is ending where nobody listens.
-                    let _ = news.send(item);
+                    // Sending fails only when the hub is ending.
+                    let _ = updates.send(item);
                 }
             };
             match play(&files, &grip, |grid| tell(Update::Map(robot.clone(), grid))) {
@@ -70,12 +71,12 @@ impl Replica {
         replica
     }
 
-    /// The copy is whole.
+    /// Marks the copy as complete.
     pub fn end(&self) {
         self.grip.end();
     }
 
-    /// The copy was wrong: nothing more is told of it.
+    /// Discards a wrong copy: it sends no further updates.
     pub fn abandon(self) {
         self.is_abandoned.store(true, Ordering::Release);
         self.grip.end();
@@ -106,7 +107,7 @@ fn play(files: &Files, grip: &Grip, each_map: impl Fn(Grid)) -> Result<Played, P
     }
     let map = player.grid();
     map.iter().cloned().for_each(&each_map);
-    // The end of the recording comes a moment before the robot says that it is the end of the file.
+    // The recording's end arrives just before the robot declares the file's end.
     while !grip.is_over() {
         wait(LOOK);
     }
@@ -123,9 +124,9 @@ pub fn csv_head() -> String {
     "seq,time_us,x_m,y_m,theta_rad\n".into()
 }
 
-/// A further line: every digit that counts.
+/// Appends one pose with all significant digits.
 pub fn csv_line(csv: &mut String, pose: &Pose) {
     let Pose { seq, time_us, x_m, y_m, theta_rad, .. } = pose;
-    // Text never refuses.
+    // Writing to a String cannot fail.
     let _ = writeln!(csv, "{seq},{time_us},{x_m},{y_m},{theta_rad}");
 }

@@ -1,4 +1,4 @@
-//! What the hub knows, and the files it keeps of it. One thread owns it.
+//! The hub's state and its files. One thread owns it.
 
 use super::copy::Files;
 use super::fetch::Request;
@@ -22,7 +22,7 @@ use std::path::PathBuf;
 use std::sync::mpsc::Sender;
 use std::time::Duration;
 
-/// What the hub knows.
+/// The hub's state.
 pub(super) struct HubState {
     hub: Hub,
     robots: BTreeMap<Name, RobotEntry>,
@@ -32,28 +32,28 @@ pub(super) struct HubState {
     places: BTreeMap<Name, Place>,
     merged_sha256: String,
     published: Option<Moment>,
-    /// Something that `status.json` tells has changed.
+    /// True if the content of `status.json` has changed.
     is_changed: bool,
-    /// A robot's map has changed.
+    /// True if a robot's map has changed.
     has_new_map: bool,
 }
 
-/// One robot.
+/// The hub's data of one robot.
 #[derive(Default)]
 struct RobotEntry {
-    wishes: Option<Sender<Request>>,
+    requests: Option<Sender<Request>>,
     heard: BTreeMap<SessionId, Heard>,
     status: RobotStatus,
 }
 
-/// The map is written no more often.
+/// Minimum time between two writes of the map.
 const PUBLISH_EVERY: Duration = Duration::from_secs(2);
-/// A map that is so many records ahead of what is here of the capture is asked for: some seconds.
+/// A robot's map is requested if it is this many records, some seconds, ahead of the hub's.
 const AHEAD: u64 = 300;
 
 impl HubState {
-    /// Takes up what an earlier hub has left in the folder.
-    pub(super) fn open(hub: &Hub, news: &Sender<Update>) -> io::Result<Self> {
+    /// Loads the data that an earlier hub left in the folder.
+    pub(super) fn open(hub: &Hub, updates: &Sender<Update>) -> io::Result<Self> {
         create_folder(&hub.folder.join("maps"))?;
         let mut state = Self {
             hub: hub.clone(),
@@ -72,27 +72,27 @@ impl HubState {
             match fs::read(state.map_file(robot)) {
                 Ok(bytes) => match Grid::decode(&bytes) {
                     Ok(grid) => drop(state.newest.take(robot, grid)),
-                    // It comes again.
+                    // The robot sends it again.
                     Err(error) => tracing::warn!("{}: {error}", state.map_file(robot).display()),
                 },
                 Err(error) if error.kind() == io::ErrorKind::NotFound => {}
                 Err(error) => return Err(error),
             }
-            state.play_what_is_left(robot, news)?;
+            state.play_unfinished(robot, updates)?;
         }
         Ok(state)
     }
 
-    /// Where a robot's captures are asked for.
-    pub(super) fn fetch_by(&mut self, robot: &Name, wishes: Sender<Request>) {
+    /// Sets the sender of a robot's requests.
+    pub(super) fn fetch_by(&mut self, robot: &Name, requests: Sender<Request>) {
         if let Some(entry) = self.robots.get_mut(robot) {
-            entry.wishes = Some(wishes);
+            entry.requests = Some(requests);
         }
     }
 
-    /// Takes something that has happened.
-    pub(super) fn take(&mut self, news: Update) -> io::Result<()> {
-        match news {
+    /// Handles an update.
+    pub(super) fn take(&mut self, update: Update) -> io::Result<()> {
+        match update {
             Update::Alive(robot, is_there) => {
                 tracing::info!("{robot}: {}", if is_there { "is there" } else { "is gone" });
                 self.entry(&robot, |entry| entry.status.online = is_there);
@@ -117,7 +117,7 @@ impl HubState {
         Ok(())
     }
 
-    /// Writes the map and the status, where something has changed and the last time is long enough ago.
+    /// Writes the map and the status, if something has changed and the period is over.
     pub(super) fn publish_if_due(&mut self) -> io::Result<()> {
         let is_due = self.published.is_none_or(|last| last.elapsed() >= PUBLISH_EVERY);
         if !is_due || !(self.is_changed || self.has_new_map) {
@@ -132,13 +132,13 @@ impl HubState {
         Ok(())
     }
 
-    /// Writes the robots' maps and the merged one, and tells who has found a place or lost it.
+    /// Writes the robots' maps and the merged map, and logs changes of the maps' placement.
     fn merge(&mut self) -> io::Result<()> {
         self.save_maps()?;
         let site = Site::assemble(&self.hub.fleet, &self.newest);
         for (robot, place) in &site.places {
             let before = self.places.get(robot);
-            // The scores of a map that grows are not told each time.
+            // Changes of the score alone are not logged.
             if before.map(std::mem::discriminant) != Some(std::mem::discriminant(place)) {
                 tracing::info!("{robot}: {place}");
             }
@@ -166,9 +166,9 @@ impl HubState {
             });
         self.entry(robot, |entry| {
             entry.status.offered(status);
-            if let Some(wishes) = &entry.wishes {
+            if let Some(requests) = &entry.requests {
                 // The thread ends only with the hub.
-                let _ = wishes.send(Request { captures: status.captures.clone(), map });
+                let _ = requests.send(Request { captures: status.captures.clone(), map });
             }
         });
         self.is_changed = true;
@@ -186,7 +186,7 @@ impl HubState {
         entry.heard.get_mut(&session).map_or(Ok(()), |heard| heard.note(put, seq))
     }
 
-    /// A drive is whole: every pose of it is written, and what was lost on the way is counted. The summary is the last file.
+    /// Handles a complete drive: writes all poses, counts the lost puts, and writes the summary last.
     fn played(&mut self, robot: &Name, played: Played) -> io::Result<()> {
         let folder = self.hub.captures(robot);
         let files = Files::new(&folder, played.session);
@@ -216,8 +216,8 @@ impl HubState {
         Ok(())
     }
 
-    /// Captures that were whole when the hub was killed, and of which it had not seen the end.
-    fn play_what_is_left(&mut self, robot: &Name, news: &Sender<Update>) -> io::Result<()> {
+    /// Plays captures that were complete when the hub was killed, but not played to the end.
+    fn play_unfinished(&mut self, robot: &Name, updates: &Sender<Update>) -> io::Result<()> {
         let folder = self.hub.captures(robot);
         for entry in fs::read_dir(&folder)? {
             let name = entry?.file_name();
@@ -226,7 +226,7 @@ impl HubState {
             if files.is_done() {
                 self.entry(robot, |entry| entry.status.whole_captures += 1);
             } else {
-                Replica::begin(robot, &files, news).end();
+                Replica::begin(robot, &files, updates).end();
             }
         }
         Ok(())

@@ -1,4 +1,4 @@
-//! What the hub tells people and other programs: `status.json`, and a summary of each drive.
+//! The hub's output for people and programs: `status.json`, and a summary of each drive.
 
 use crate::name::Name;
 use crate::session::SessionId;
@@ -10,30 +10,30 @@ use std::fmt;
 /// `status.json`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SiteStatus {
-    /// Of `merged.map`.
+    /// SHA-256 of `merged.map`.
     pub merged_sha256: String,
     /// Each robot of the fleet file.
     pub robots: BTreeMap<Name, RobotStatus>,
 }
 
-/// One robot in it.
+/// The status of one robot.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RobotStatus {
-    /// It is connected.
+    /// True if the robot is connected.
     pub online: bool,
-    /// Its newest drive; null before it has told one.
+    /// Its newest drive; null before its first status.
     pub session: Option<SessionId>,
     /// Bytes of that drive's capture on the robot.
     pub offered_bytes: u64,
-    /// Bytes of it here.
+    /// Bytes of that capture on the hub.
     pub fetched_bytes: u64,
-    /// Captures that are here as a whole, every pose of them written.
+    /// Number of complete captures whose poses are written.
     pub whole_captures: u64,
-    /// Where its map lies, in words.
+    /// The placement of its map, as text.
     pub place: String,
 }
 
-/// `captures/ROBOT/SESSION.json`: a drive that is here as a whole.
+/// `captures/ROBOT/SESSION.json`: the summary of a complete drive.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SessionSummary {
     /// The robot.
@@ -46,16 +46,16 @@ pub struct SessionSummary {
     pub sha256: String,
     /// Poses of the drive, all of which are in `SESSION.poses.csv`.
     pub poses: usize,
-    /// Those that were heard as they were put; the others were refilled from the capture.
+    /// Poses received live. The others were refilled from the capture.
     pub poses_heard: usize,
     /// Sweeps of the drive.
     pub sweeps: usize,
-    /// Those that were heard.
+    /// Sweeps received live.
     pub sweeps_heard: usize,
 }
 
 impl RobotStatus {
-    /// The robot has told what it has.
+    /// Updates the status with the robot's offer.
     pub fn offered(&mut self, status: &Status) {
         let Some(last) = status.captures.last() else { return };
         if self.session != Some(last.session) {

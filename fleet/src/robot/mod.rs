@@ -1,4 +1,5 @@
-//! A robot's side: an agent beside a running slamd. It plays the capture that slamd records, as it grows, and offers what comes of it.
+//! The robot's side: an agent beside a running slamd. It plays the growing capture that slamd records,
+//! and publishes the results.
 
 pub mod shelf;
 
@@ -11,7 +12,7 @@ use crate::player::{PlayError, Player, Report};
 use crate::session::SessionId;
 use crate::wire::{Grid, MAX_SESSIONS, Status, VERSION, to_json};
 use shelf::{Book, Extent, Shelf};
-use slamd_core::time::Timestamp;
+use slamd_core::Timestamp;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -20,7 +21,7 @@ use zenoh::bytes::Encoding;
 use zenoh::query::Query;
 use zenoh::{Session, Wait as _};
 
-/// What a robot is told.
+/// The robot's options.
 #[derive(Clone, Debug)]
 pub struct Robot {
     /// The site.
@@ -29,11 +30,11 @@ pub struct Robot {
     pub name: Name,
     /// Its captures; the last one is being recorded.
     pub captures: Vec<PathBuf>,
-    /// Play the last one at so many times its pace, instead of following it while it grows.
+    /// Play the last capture at this multiple of real time, instead of following it while it grows.
     pub speed: Option<f64>,
 }
 
-/// What the threads share.
+/// State shared by the threads.
 #[derive(Debug, Default)]
 struct Shared {
     shelf: Shelf,
@@ -42,15 +43,15 @@ struct Shared {
 }
 
 const STATUS_EVERY: Duration = Duration::from_secs(1);
-/// The map is made anew after so much session time.
+/// Period of making the map, session time.
 const MAP_EVERY: Duration = Duration::from_secs(2);
 const LOOK: Duration = Duration::from_millis(500);
 
 impl Robot {
-    /// Connects, and runs until it is killed.
+    /// Connects and runs until killed.
     ///
     /// # Errors
-    /// Where a capture or the password cannot be used.
+    /// When a capture or the password cannot be used.
     pub fn run(&self, hub: &Endpoint, password: Option<&Path>) -> Result<(), Failure> {
         let shared = Arc::new(Shared::default());
         let Some((last, older)) = self.captures.split_last() else {
@@ -74,7 +75,7 @@ impl Robot {
         self.tell(&session, &shared);
         self.play(&session, &shared, last)?;
         loop {
-            // What is missing elsewhere is still asked for.
+            // Other threads still answer queries.
             wait(STATUS_EVERY);
         }
     }
@@ -83,7 +84,7 @@ impl Robot {
         key(&self.site, &self.name, topic)
     }
 
-    /// Answers questions for the map and for captures, each in a thread of its own.
+    /// Answers queries for the map and for captures, with one thread each.
     fn answer(&self, session: &Session, shared: &Arc<Shared>) -> zenoh::Result<()> {
         let [map, capture] = [Topic::Map, Topic::Capture].map(|topic| self.key(topic));
         let (maps, captures) = (session.declare_queryable(&map).wait()?, session.declare_queryable(&capture).wait()?);
@@ -102,7 +103,7 @@ impl Robot {
         Ok(())
     }
 
-    /// Tells once a second what there is, in a thread of its own.
+    /// Publishes the status once per second, on a thread of its own.
     fn tell(&self, session: &Session, shared: &Arc<Shared>) {
         let (key, session, shared) = (self.key(Topic::Status), session.clone(), Arc::clone(shared));
         std::thread::spawn(move || {
@@ -149,7 +150,7 @@ impl Robot {
             tracing::warn!("{}: {damage}", path.display());
         }
         shared.set_map(player.grid());
-        // Behind damage slamd may still be writing.
+        // After damage slamd may still be writing, so the capture is not declared complete.
         if self.speed.is_some() || player.damage().is_none() {
             shared.shelf.put(Book { session: drive, path: path.into(), extent: Extent::Whole });
         }
@@ -191,7 +192,7 @@ fn unreadable(path: &Path, error: PlayError) -> Failure {
     }
 }
 
-/// What the network does not take is lost, and found in the capture.
+/// Publishes a message. A message that the network loses can be recovered from the capture.
 fn put(session: &Session, key: &str, payload: Vec<u8>) {
     if let Err(error) = session.put(key, payload).encoding(Encoding::APPLICATION_JSON).wait() {
         tracing::debug!("{key}: {error}");

@@ -1,4 +1,4 @@
-//! The captures that a robot offers, and pieces of them.
+//! The captures that a robot offers, and their pieces.
 
 use crate::follow::Grip;
 use crate::session::SessionId;
@@ -10,36 +10,36 @@ use std::io::{self, Read as _, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-/// One capture.
+/// One offered capture.
 #[derive(Clone, Debug)]
 pub struct Book {
     /// The drive.
     pub session: SessionId,
     /// The file.
     pub path: PathBuf,
-    /// What of it there is.
+    /// The available part.
     pub extent: Extent,
 }
 
-/// What of a capture there is.
+/// The available part of a capture.
 #[derive(Clone, Debug)]
 pub enum Extent {
-    /// All of the file, and it grows.
+    /// The whole file, which still grows.
     Growing,
-    /// What has been played so far, as if it were being driven.
+    /// The part played so far, as in a live drive.
     Played(Grip),
-    /// All of the file, and it will not grow.
+    /// The whole file, which does not grow any more.
     Whole,
 }
 
-/// The captures of a robot, the oldest first.
+/// The captures of a robot, oldest first.
 #[derive(Debug, Default)]
 pub struct Shelf {
     books: Mutex<Vec<Book>>,
     digest: Mutex<Option<Running>>,
 }
 
-/// The digest of a capture's beginning: the next piece mostly goes on where the last one ended.
+/// The digest of a capture's beginning, kept because the next piece usually continues the last one.
 #[derive(Debug)]
 struct Running {
     session: SessionId,
@@ -47,18 +47,18 @@ struct Running {
     sha256: Sha256,
 }
 
-/// Why a piece cannot be had.
+/// The reason why a piece is not available.
 #[derive(Debug, thiserror::Error)]
 pub enum PieceError {
-    /// The capture is not there.
+    /// The capture does not exist.
     #[error("there is no capture {0}")]
     Unknown(SessionId),
     /// The capture is shorter.
     #[error("the capture has {bytes} bytes, and byte {from} was asked for")]
     Beyond {
-        /// What it has.
+        /// Its length.
         bytes: u64,
-        /// What was asked for.
+        /// The requested offset.
         from: u64,
     },
     /// The file cannot be read.
@@ -67,10 +67,10 @@ pub enum PieceError {
 }
 
 impl Book {
-    /// A capture that nobody writes any more; none where it holds no record.
+    /// A finished capture; `None` if it holds no record.
     ///
     /// # Errors
-    /// Where it is no capture.
+    /// When the file is not a capture.
     pub fn finished(path: &Path) -> Result<Option<Self>, CaptureError> {
         let mut capture = CaptureReader::open(path)?;
         let Some(first) = capture.next().transpose()? else { return Ok(None) };
@@ -96,7 +96,7 @@ impl Shelf {
         books.sort_by_key(|book| book.session);
     }
 
-    /// What there is. A file that cannot be looked at is left out, and told.
+    /// The available captures. A file that cannot be read is left out and logged.
     #[must_use]
     pub fn offers(&self) -> Vec<Offer> {
         let books = self.books.lock().unwrap_or_else(PoisonError::into_inner).clone();
@@ -105,10 +105,10 @@ impl Shelf {
         books.iter().filter_map(offer).collect()
     }
 
-    /// A piece of a capture from a byte on; empty where that is its end.
+    /// The piece of a capture from a byte on; empty at its end.
     ///
     /// # Errors
-    /// Where there is none.
+    /// When there is no such piece.
     pub fn piece(&self, session: SessionId, from: u64) -> Result<Piece, PieceError> {
         let books = self.books.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let book = books.iter().find(|book| book.session == session).ok_or(PieceError::Unknown(session))?;
@@ -131,7 +131,7 @@ impl Shelf {
 }
 
 impl Running {
-    /// Takes the next bytes; the last so many of them, a piece at most, are given back.
+    /// Adds the next `length` bytes and returns the last of them, one piece at most.
     fn take(&mut self, file: &mut File, length: u64) -> io::Result<Vec<u8>> {
         let mut left = length;
         loop {

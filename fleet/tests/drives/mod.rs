@@ -3,8 +3,7 @@
 #![allow(dead_code, reason = "each user takes what it needs")]
 
 use slamd_capture::{CaptureInfo, CaptureWriter, Record};
-use slamd_core::config::Config;
-use slamd_core::geometry::{Point, Pose2};
+use slamd_core::{Config, Point, Pose2};
 use slamd_fleet::player::Player;
 use slamd_fleet::wire::Grid;
 use slamd_sim::fault::FaultMix;

@@ -79,7 +79,7 @@ impl Town {
         self.running.retain(|(known, _)| known != machine);
     }
 
-    /// A program that has ended though nobody killed it.
+    /// A program that ended without being killed.
     pub(crate) fn ended(&mut self) -> Option<String> {
         let mut running = self.running.iter_mut();
         running.find_map(|(machine, child)| matches!(child.try_wait(), Ok(Some(_))).then(|| machine.clone()))

@@ -11,7 +11,10 @@ pub(super) use variables::{OPTIONS, unknown};
 use super::{Failure, Kind, terminal};
 use clap::{Args, Subcommand, ValueEnum};
 use slamd_capture::CaptureInfo;
-use slamd_core::config::{Config, ConfigError, Effective, Layers, Method};
+use slamd_core::{
+    Config, ConfigError, Method,
+    config::{Effective, Layers},
+};
 use std::path::{Path, PathBuf};
 
 /// Options of the estimator.

@@ -2,8 +2,7 @@
 
 use crate::monitor::{Dashboard, Line, Plan, RateMeter};
 use crate::source::session::Session;
-use slamd_core::config::Config;
-use slamd_core::snapshot::Snapshot;
+use slamd_core::{Config, Snapshot};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 

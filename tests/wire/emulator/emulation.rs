@@ -3,7 +3,7 @@
 #![allow(unreachable_pub, reason = "a test's module")]
 
 use super::plant::Plant;
-use slamd_core::geometry::Pose2;
+use slamd_core::Pose2;
 use std::fmt::Write as _;
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::{Path, PathBuf};

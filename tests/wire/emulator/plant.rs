@@ -2,7 +2,7 @@
 
 #![allow(unreachable_pub, reason = "a test's module")]
 
-use slamd_core::geometry::{Pose2, Ring};
+use slamd_core::{Pose2, Ring};
 use slamd_sim::explore::Explorer;
 use slamd_sim::random::{Random, Stream};
 use slamd_sim::robot::{Robot, STEP_S, STEP_US, Twist};

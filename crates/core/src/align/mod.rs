@@ -4,17 +4,17 @@
 #![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
 #![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
 
-pub mod clock;
+pub(crate) mod clock;
 mod params;
-pub mod sweeper;
-pub mod track;
+pub(crate) mod sweeper;
+pub(crate) mod track;
 
 use crate::config::{CorrectionConfig, RingConfig};
 use crate::geometry::Ring;
 use crate::sweep::Sweep;
 use crate::time::{DeviceTime, Timestamp};
 use clock::{ClockMap, Widener};
-pub use params::Params;
+pub(crate) use params::Params;
 use slamd_protocol::{Encoder, Sonar};
 use std::ops::RangeInclusive;
 use sweeper::Sweeper;

@@ -44,7 +44,7 @@ impl Corrected {
 
 /// Collects pings into sweeps.
 #[derive(Clone, Debug)]
-pub struct Sweeper {
+pub(crate) struct Sweeper {
     ring: Ring,
     corrected: Vec<Corrected>,
     range_m: std::ops::RangeInclusive<f64>,
@@ -61,7 +61,7 @@ pub struct Sweeper {
 impl Sweeper {
     /// A sweeper for a ring whose sensors measure within `range_m`, with these calibration `corrections`.
     #[must_use]
-    pub fn new(
+    pub(crate) fn new(
         ring: Ring,
         corrections: &[CorrectionConfig],
         range_m: std::ops::RangeInclusive<f64>,
@@ -90,35 +90,35 @@ impl Sweeper {
 
     /// The ring.
     #[must_use]
-    pub fn ring(&self) -> &Ring {
+    pub(crate) fn ring(&self) -> &Ring {
         &self.ring
     }
 
     /// The last finished sweep; it has no beams before the first.
     #[must_use]
-    pub fn sweep(&self) -> &Sweep {
+    pub(crate) fn sweep(&self) -> &Sweep {
         &self.sweep
     }
 
     /// Sweeps dropped because too few of their messages arrived.
     #[must_use]
-    pub fn dropped(&self) -> u64 {
+    pub(crate) fn dropped(&self) -> u64 {
         self.dropped
     }
 
     /// Sets the air temperature T, degrees Celsius: the speed of sound is 331.3 + 0.606 T metres per second.
-    pub fn set_temperature(&mut self, temperature_c: f64) {
+    pub(crate) fn set_temperature(&mut self, temperature_c: f64) {
         self.sound_m_s = 331.3 + 0.606 * temperature_c;
     }
 
     /// True if the group already arrived in the current cycle: it then starts a new one.
     #[must_use]
-    pub fn has_heard(&self, group: u8) -> bool {
+    pub(crate) fn has_heard(&self, group: u8) -> bool {
         self.ring.mountings.iter().zip(&self.pings).any(|(mounting, ping)| mounting.group == group && ping.is_some())
     }
 
     /// Adds one fired group; `at` is its trigger. Sensors outside the ring are ignored.
-    pub fn add(&mut self, sonar: &Sonar, at: DeviceTime) {
+    pub(crate) fn add(&mut self, sonar: &Sonar, at: DeviceTime) {
         for (mounting, ping) in self.ring.mountings.iter().zip(&mut self.pings) {
             if mounting.group == sonar.group {
                 *ping = Some(Ping { at, echo: None });
@@ -134,12 +134,12 @@ impl Sweeper {
 
     /// The reference instant of the current cycle.
     #[must_use]
-    pub fn reference(&self) -> Option<DeviceTime> {
+    pub(crate) fn reference(&self) -> Option<DeviceTime> {
         self.newest
     }
 
     /// Ends the current cycle. `at` is its reference instant by the host's clock. None if too few sensors answered.
-    pub fn finish(&mut self, at: Timestamp, track: &Track, wheels: Wheels) -> Option<&Sweep> {
+    pub(crate) fn finish(&mut self, at: Timestamp, track: &Track, wheels: Wheels) -> Option<&Sweep> {
         let reference = self.newest.take()?;
         let heard = self.pings.iter().flatten().count();
         if (heard as f64) < self.params.min_heard * self.pings.len() as f64 {
@@ -176,7 +176,7 @@ impl Sweeper {
     }
 
     /// The board restarted: the current cycle is lost, the travel continues.
-    pub fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         self.pings.fill(None);
         self.newest = None;
         self.previous = self.previous.map(|(_, travel)| (DeviceTime::default(), travel));

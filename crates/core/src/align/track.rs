@@ -19,7 +19,7 @@ pub struct Wheels {
 
 /// Travel of both wheels since the track began, metres.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Travel {
+pub(crate) struct Travel {
     /// Left wheel.
     pub left_m: f64,
     /// Right wheel.
@@ -35,7 +35,7 @@ struct Sample {
 
 /// The last encoder samples, in order of time.
 #[derive(Clone, Debug, Default)]
-pub struct Track {
+pub(crate) struct Track {
     samples: VecDeque<Sample>,
     left: Counter,
     right: Counter,
@@ -45,12 +45,12 @@ pub struct Track {
 impl Track {
     /// A track without samples.
     #[must_use]
-    pub fn new(params: Params) -> Self {
+    pub(crate) fn new(params: Params) -> Self {
         Self { params, ..Self::default() }
     }
 
     /// Adds absolute encoder counts latched at `at`. Counts older than every kept sample are ignored.
-    pub fn add(&mut self, at: DeviceTime, left_ticks: i32, right_ticks: i32, wheels: Wheels) {
+    pub(crate) fn add(&mut self, at: DeviceTime, left_ticks: i32, right_ticks: i32, wheels: Wheels) {
         let travel = Travel {
             left_m: self.left.widen(left_ticks) * wheels.metres_per_tick[0],
             right_m: self.right.widen(right_ticks) * wheels.metres_per_tick[1],
@@ -74,7 +74,7 @@ impl Track {
 
     /// Pose in the odom frame and travel at an instant; none before the first sample.
     #[must_use]
-    pub fn at(&self, at: DeviceTime, wheels: Wheels) -> Option<(Pose2, Travel)> {
+    pub(crate) fn at(&self, at: DeviceTime, wheels: Wheels) -> Option<(Pose2, Travel)> {
         let after = self.samples.partition_point(|sample| sample.at <= at);
         let up_to = |last: usize| Some((self.samples.get(last.checked_sub(1)?)?, self.samples.get(last)?));
         // After the newest sample the last two give the velocity.
@@ -94,13 +94,13 @@ impl Track {
     }
 
     /// Flips the sign of one encoder's counts from now on; 0 is the left one.
-    pub fn reverse(&mut self, wheel: usize) {
+    pub(crate) fn reverse(&mut self, wheel: usize) {
         let counter = if wheel == 0 { &mut self.left } else { &mut self.right };
         counter.is_reversed = !counter.is_reversed;
     }
 
     /// The board restarted with unknown counts: the track continues from the newest pose.
-    pub fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         if let Some(mut newest) = self.samples.pop_back() {
             newest.at = DeviceTime::default();
             self.samples.clear();

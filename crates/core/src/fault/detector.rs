@@ -96,7 +96,7 @@ impl Detector {
         self.states.get(sensor) == Some(&SensorState::Healthy)
     }
 
-    /// Weighs one sweep. `expected` is what a beam must hear by the map; it is asked only of beams that hear nothing.
+    /// Adds one sweep's evidence. `expected` is what a beam must hear according to the map; only silent beams ask for it.
     pub fn inspect(&mut self, sweep: &Sweep, expected: impl Fn(&Beam) -> Option<Expected>, events: &mut Vec<Event>) {
         let has_residuals = self.pca.push(sweep);
         if has_residuals {
@@ -133,7 +133,7 @@ impl Detector {
         }
     }
 
-    /// By how much the trusted sensors' readings have changed on average since the last sweep, metres: a robot's motion even
+    /// Mean change of the trusted sensors' readings since the last sweep, metres: it shows the robot's motion even
     /// without encoders.
     fn stirred_m(&mut self, sweep: &Sweep) -> f64 {
         let (mut sum_m, mut count) = (0.0, 0.0);

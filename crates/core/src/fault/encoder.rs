@@ -1,10 +1,10 @@
 //! Encoder fault detection: an encoder that stands still while the walls go by, or counts backwards.
 //!
-//! Whenever the wheels have rolled far enough, the ring's last readings are compared with those before (`profile.rs`): as the encoders
-//! tell the motion, and as they would tell it were one of them reversed, or, where one does not count, had its wheel rolled
-//! after all. How much better the other motion explains the readings adds to a log-likelihood ratio of that fault, clamped below at zero: a cumulative
-//! sum (Page, Continuous inspection schemes, 1954), whose last zero tells when the fault began. A turn that is told wrongly by half a radian
-//! each time is nothing that wheels of other sizes or slip could look like.
+//! Each time the wheels have rolled far enough, the ring's last readings are compared with those before (`profile.rs`) under several
+//! motions: as the encoders say, with one of them reversed, and, where one does not count, with its wheel rolling all the same.
+//! The advantage of another motion adds to the log-likelihood ratio of that fault, clamped below at zero: a cumulative
+//! sum (Page, Continuous inspection schemes, 1954), whose last zero tells when the fault began. Wrong wheel sizes or slip never
+//! look like a heading error of half a radian each time.
 
 use super::params::Params;
 use super::profile::{Comparer, Endpoints};
@@ -14,14 +14,14 @@ use crate::sweep::Sweep;
 
 /// Watches both encoders.
 #[derive(Clone, Debug)]
-pub struct EncoderWatch {
+pub(crate) struct EncoderWatch {
     params: Params,
     comparer: Comparer,
     base_m: f64,
     before: Endpoints,
-    /// The sweep that `before` was heard in; none where it must be taken anew.
+    /// The sweep of `before`; none where a new one is needed.
     since_sweep: Option<u64>,
-    /// What the encoders have told since then, left and right, metres.
+    /// Encoder travel since then, left and right, metres.
     rolled_m: [f64; 2],
     tests: [EncoderTest; 2],
     is_reversed: [bool; 2],
@@ -44,29 +44,29 @@ struct Sum {
     zero_sweep: Option<u64>,
 }
 
-/// An encoder that was found to be broken, or whole again.
+/// A change of an encoder's state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct EncoderChange {
+pub(crate) struct EncoderChange {
     /// Its wheel.
     pub wheel: Wheel,
-    /// What it was.
+    /// Its state before.
     pub before: EncoderState,
-    /// What it is.
+    /// Its new state.
     pub state: EncoderState,
-    /// The last sweep up to which its counts were right; none where none ever was.
+    /// The last sweep with right counts; none where there was none.
     pub since_sweep: Option<u64>,
 }
 
 impl EncoderWatch {
     /// A watch over encoders that begin healthy.
     #[must_use]
-    pub fn new(ring: &Ring, base_m: f64) -> Self {
+    pub(crate) fn new(ring: &Ring, base_m: f64) -> Self {
         Self::with_params(ring, base_m, Params::default())
     }
 
     /// The same with other constants.
     #[must_use]
-    pub fn with_params(ring: &Ring, base_m: f64, params: Params) -> Self {
+    pub(crate) fn with_params(ring: &Ring, base_m: f64, params: Params) -> Self {
         let comparer = Comparer::new(ring, &params);
         let before = comparer.room();
         Self {
@@ -81,26 +81,26 @@ impl EncoderWatch {
         }
     }
 
-    /// Which encoders' counts are to be taken with the sign turned over, left and right.
+    /// Encoders whose sign must be flipped, left and right.
     #[must_use]
-    pub fn is_reversed(&self) -> [bool; 2] {
+    pub(crate) fn is_reversed(&self) -> [bool; 2] {
         self.is_reversed
     }
 
     /// True while an encoder is suspected: the pose is then too doubtful for map updates.
     #[must_use]
-    pub fn is_suspected(&self) -> bool {
+    pub(crate) fn is_suspected(&self) -> bool {
         self.scores().as_flattened().iter().any(|ratio| *ratio > self.params.encoder_suspect)
     }
 
     /// The evidence that the left, the right encoder is dead, reversed; declared from 12 on.
     #[must_use]
-    pub fn scores(&self) -> [[f64; 2]; 2] {
+    pub(crate) fn scores(&self) -> [[f64; 2]; 2] {
         self.tests.map(|test| [test.dead.ratio, test.reversed.ratio])
     }
 
-    /// Weighs one sweep; what has changed, where something has.
-    pub fn inspect(
+    /// Adds one sweep's evidence; returns a change of state.
+    pub(crate) fn inspect(
         &mut self,
         sweep: &Sweep,
         is_trusted: impl Fn(usize) -> bool,
@@ -190,7 +190,7 @@ impl EncoderWatch {
         for test in &mut self.tests {
             *test = EncoderTest { state: test.state, ..EncoderTest::default() };
         }
-        // The sweeps to come are told otherwise than this one was.
+        // The next sweeps have other encoder signs than this one.
         self.since_sweep = None;
         Some(EncoderChange { wheel: Wheel::BOTH[index], before, state, since_sweep })
     }

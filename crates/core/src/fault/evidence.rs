@@ -7,14 +7,14 @@ use crate::sweep::NoMeasurement;
 
 /// The evidence of one sweep on one sensor.
 #[derive(Clone, Copy, Debug)]
-pub struct Evidence {
+pub(crate) struct Evidence {
     /// The reading, as REP-117.
     pub range_m: f64,
     /// Why there is none.
     pub no_measurement: Option<NoMeasurement>,
     /// Root of what PCA leaves unexplained, metres; NaN where unknown.
     pub residual_m: f64,
-    /// What the sensor must hear by the map; asked only where it hears nothing.
+    /// What the sensor must hear according to the map; set only where it hears nothing.
     pub expected: Option<Expected>,
     /// The surface on which the neighbours on both sides agree.
     pub neighbours: Option<Seen>,
@@ -37,7 +37,7 @@ pub struct Expected {
 const BEYOND_M: f64 = 0.2;
 
 impl Evidence {
-    /// How much of what is heard is new, from 0 for a robot that stands to 1.
+    /// How new the readings are: from 0 for a standing robot to 1.
     pub(super) fn novelty(&self, params: &Params) -> f64 {
         (self.moved_m / params.moved_m).min(1.0)
     }

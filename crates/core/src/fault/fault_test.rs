@@ -13,7 +13,7 @@ use crate::sweep::NoMeasurement;
 
 /// The evidence gathered against one sensor.
 #[derive(Clone, Copy, Debug)]
-pub struct FaultTest {
+pub(crate) struct FaultTest {
     /// By [`FaultKind`], the surest first.
     ratios: [f64; KINDS.len()],
     last_m: f64,
@@ -45,13 +45,13 @@ impl Default for FaultTest {
 impl FaultTest {
     /// The strongest log-likelihood ratio of all kinds.
     #[must_use]
-    pub fn score(&self) -> f64 {
+    pub(crate) fn score(&self) -> f64 {
         self.ratios.iter().copied().fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// What to save of the test: the state, and how often the fault recurred.
     #[must_use]
-    pub fn saved_state(&self) -> SensorHistory {
+    pub(crate) fn saved_state(&self) -> SensorHistory {
         SensorHistory { state: self.state, recurrences: self.recurrences }
     }
 
@@ -59,7 +59,7 @@ impl FaultTest {
     ///
     /// # Errors
     /// The number of recurrences is impossible.
-    pub fn restore(
+    pub(crate) fn restore(
         &SensorHistory { state, recurrences }: &SensorHistory,
         params: &Params,
     ) -> Result<Self, InvalidState> {
@@ -75,7 +75,7 @@ impl FaultTest {
     }
 
     /// Adds one sweep's evidence.
-    pub fn weigh(&mut self, evidence: &Evidence, params: &Params) {
+    pub(crate) fn weigh(&mut self, evidence: &Evidence, params: &Params) {
         let range_m = evidence.range_m;
         if range_m.is_nan() {
             self.heard_in_row = 0;
@@ -131,7 +131,7 @@ impl FaultTest {
     }
 
     /// The sensor's state after what has been weighed.
-    pub fn verdict(&mut self, params: &Params) -> SensorState {
+    pub(crate) fn verdict(&mut self, params: &Params) -> SensorState {
         let proven = KINDS.into_iter().find(|&kind| self.ratios[index_of(kind)] >= params.declare);
         self.state = match (self.state, proven) {
             (SensorState::Healthy, Some(kind)) => {
@@ -151,12 +151,12 @@ impl FaultTest {
 
     /// Why the state is what it is, in words.
     #[must_use]
-    pub fn reason(&self, sensor: usize, evidence: &Evidence) -> String {
+    pub(crate) fn reason(&self, sensor: usize, evidence: &Evidence) -> String {
         evidence.reason(sensor, self.state, self.last_m)
     }
 }
 
-/// How much a sweep without an echo speaks against the sensor.
+/// Evidence that a silent sweep adds, as a log-likelihood ratio.
 fn silence(evidence: &Evidence, params: &Params) -> f64 {
     let by_map = evidence
         .expected

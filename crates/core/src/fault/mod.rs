@@ -1,10 +1,10 @@
 //! Fault detection: which sensors' readings and which wheel encoders' counts are worth nothing.
 
-pub mod detector;
-pub mod encoder;
-pub mod evidence;
-pub mod fault_test;
-pub mod neighbours;
-pub mod params;
-pub mod pca;
+pub(crate) mod detector;
+pub(crate) mod encoder;
+pub(crate) mod evidence;
+pub(crate) mod fault_test;
+pub(crate) mod neighbours;
+pub(crate) mod params;
+pub(crate) mod pca;
 mod profile;

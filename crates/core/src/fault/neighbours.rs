@@ -10,7 +10,7 @@ use crate::sweep::Sweep;
 
 /// Which sensors look beside which.
 #[derive(Clone, Debug)]
-pub struct Neighbours {
+pub(crate) struct Neighbours {
     /// By sensor: left and right, the nearer ones first.
     beside: Vec<[[Option<usize>; DEPTH]; 2]>,
     bearings_rad: Vec<f64>,
@@ -19,7 +19,7 @@ pub struct Neighbours {
 
 /// What the neighbours see.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Seen {
+pub(crate) struct Seen {
     /// The farther one of the two that look on either side, metres.
     pub range_m: f64,
     /// How many neighbours see it.
@@ -34,7 +34,7 @@ const DEPTH: usize = 3;
 impl Neighbours {
     /// The neighbours in a ring.
     #[must_use]
-    pub fn new(ring: &Ring, params: &Params) -> Self {
+    pub(crate) fn new(ring: &Ring, params: &Params) -> Self {
         let bearings_rad: Vec<f64> =
             ring.mountings.iter().map(|mounting| mounting.robot_from_sensor.theta_rad).collect();
         let side = |sensor: usize, sign: f64| {
@@ -51,7 +51,7 @@ impl Neighbours {
 
     /// The surface that trusted neighbours on both sides see; none where one side has no such neighbour, it hears nothing, or the
     /// two disagree.
-    pub fn seen(&self, sensor: usize, sweep: &Sweep, is_trusted: impl Fn(usize) -> bool) -> Option<Seen> {
+    pub(crate) fn seen(&self, sensor: usize, sweep: &Sweep, is_trusted: impl Fn(usize) -> bool) -> Option<Seen> {
         let beside = self.beside.get(sensor)?;
         let range_m = |other: usize| sweep.beams.get(other).map_or(f64::NAN, |beam| beam.range_m);
         let nearest = |side: &[Option<usize>; DEPTH]| {

@@ -59,7 +59,6 @@ use std::f64::consts::PI;
 /// | `max_cost` | 4 | | first version; an endpoint at 2.8 sigma and beyond costs this | larger: a hidden wall decides |
 /// | `min_compared` | 4 | endpoints | first version | smaller: two endpoints decide |
 #[derive(Clone, Debug, PartialEq)]
-#[expect(missing_docs, reason = "the table above says it")]
 pub struct Params {
     pub calm_m2: f64,
     pub sure_part: f64,

@@ -45,7 +45,7 @@ impl PcaBlock {
         }
     }
 
-    /// Takes V\[k\] in the place of the oldest instant. True once three instants are there and [`PcaBlock::analyse`] means
+    /// Replaces the oldest instant by V\[k\]. True once three instants are there and [`PcaBlock::analyse`] means
     /// something. Beams beyond the ring are ignored, beams the sweep lacks count as missing.
     pub fn push(&mut self, sweep: &Sweep) -> bool {
         let column = self.instants % INSTANTS;
@@ -123,7 +123,7 @@ impl PcaBlock {
 
 /// A sensor's say, 1 / (1 + m / tau) for its mean square m: 1 for a calm sensor, towards 0 for a wild one.
 #[must_use]
-pub fn cauchy_weight(mean_square_m2: f64, tau_m2: f64) -> f64 {
+pub(crate) fn cauchy_weight(mean_square_m2: f64, tau_m2: f64) -> f64 {
     1.0 / (1.0 + mean_square_m2 / tau_m2)
 }
 

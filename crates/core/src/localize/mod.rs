@@ -1,14 +1,15 @@
-//! Localise only: the robot's place in a building that is known, from a start that is not.
+//! Localization in a known map, from an unknown pose.
 //!
-//! 1. While the place is unknown the walls method makes a small map of its own, as it always does: its frame is the building's but
-//!    for a quarter turn and a translation.
-//! 2. Every half metre the small map is laid onto the known one ([`search`]): four headings, all translations.
-//! 3. The best place is believed when it explains nearly all of what was heard, when no other place does so nearly as well, and when
-//!    the search before said the same. Until then the position is unknown, and the robot says so instead of guessing.
-//! 4. From there on the walls method follows the robot among the known walls; map and walls stay as they are.
+//! 1. While the pose is unknown, [`WallSlam`] draws a temporary map. Its frame differs from the known map's by quarter turns and a
+//!    translation.
+//! 2. Every half metre the temporary map is matched with the known one ([`search`]): four headings, all translations.
+//! 3. The best match is accepted if it explains most of the temporary map, no other match is nearly as good, and the search before
+//!    found the same one. Until then the pose is reported as unknown, not guessed.
+//! 4. From then on [`WallSlam`] tracks the robot among the known walls. Map and walls are not changed.
 
 mod known_map;
-pub mod search;
+pub(crate) mod params;
+pub(crate) mod search;
 
 use crate::config::Config;
 use crate::event::{
@@ -25,104 +26,104 @@ use crate::time::Timestamp;
 use crate::wall_slam::WallSlam;
 use search::{Found, Place, Searcher};
 
-/// The method at work.
+/// Localizes the robot in a known map.
 #[derive(Debug)]
-pub struct Localizer {
+pub(crate) struct Localizer {
     config: Config,
     ring: Ring,
     memory: Box<SavedState>,
     known: Raster,
     searcher: Searcher,
-    walls: Box<WallSlam>,
+    slam: Box<WallSlam>,
     is_found: bool,
-    /// The place that the last search believed in.
-    before: Option<Place>,
+    /// The match that the last search accepted.
+    last_match: Option<Place>,
     driven_s: f64,
     moved_m: f64,
-    has_begun: bool,
-    has_complained: bool,
+    has_started: bool,
+    has_warned: bool,
     /// Start of the current search.
     searching_since: Timestamp,
-    /// The running share of sweeps that recognised a wall.
-    recognised: f64,
+    /// The running share of sweeps that match a known wall.
+    matching_share: f64,
     scratch: Vec<Event>,
 }
 
-/// From one search to the next, metres; a radian of turning counts as half a metre.
+/// Travel from one search to the next, metres; a radian of turning counts as half a metre.
 const SEARCH_M: f64 = 0.5;
 const M_PER_RAD: f64 = 0.5;
-/// A map that is wider is not searched: 200 m by 200 m of 5 cm cells, for which the search takes 270 MB.
+/// Maximum size of a map: 200 m by 200 m of 5 cm cells, for which the search takes 270 MB.
 const MAX_CELLS: usize = 1 << 24;
-/// A new map with fewer solid cells says nothing yet: three metres of wall.
+/// Minimum solid cells of the temporary map: three metres of wall.
 const MIN_SOLID: usize = 60;
-/// The least fit that is believed, and how far the second best place must stay behind.
+/// Minimum fit of a match, and its minimum lead over the second best.
 const MIN_FIT: f64 = 0.55;
 const MARGIN: f64 = 0.15;
 /// Two searches agree within this.
 const AGREE_M: f64 = 0.25;
-/// How well the place found is known, metres.
+/// Standard deviation of a pose found, metres.
 const FOUND_SIGMA_M: f64 = 0.08;
-/// After so much driving without a place somebody is told.
-const PATIENCE_S: f64 = 60.0;
-/// Below this share of recognising sweeps, over the last hundred or so, the place is lost.
+/// After so much driving with an unknown pose a warning is sent, seconds.
+const WARNING_S: f64 = 60.0;
+/// Below this share of sweeps that match a known wall, over the last hundred or so, the pose is lost.
 const LOST_SHARE: f64 = 0.1;
-const FORGET: f64 = 0.02;
-/// A sweep that rolled less than this stood still, metres.
-const STILL_M: f64 = 1e-3;
+const SHARE_GAIN: f64 = 0.02;
+/// Travel of both wheels in a sweep up to which the robot stands still, metres.
+const STANDSTILL_M: f64 = 1e-3;
 
 impl Localizer {
-    /// A robot anywhere in the remembered building.
+    /// A robot anywhere in the saved building.
     ///
     /// # Errors
-    /// Where the memory holds what cannot be.
-    pub fn new(config: &Config, ring: &Ring, memory: &SavedState) -> Result<Self, InvalidState> {
+    /// If the saved state is invalid or its map too wide.
+    pub(crate) fn new(config: &Config, ring: &Ring, memory: &SavedState) -> Result<Self, InvalidState> {
         let known = OccupancyGrid::restore(&memory.map)?.raster();
         if known.occupancy.len() > MAX_CELLS {
             return Err(InvalidState("the map is too wide to be searched for the robot"));
         }
         let mut config = config.clone();
-        // Both maps have cells of one size, and the wheels are those of the last drive.
+        // Both maps must have cells of one size.
         config.map.cell_m = memory.map.cell_m;
-        let walls = WallSlam::new(&config, ring);
+        let slam = WallSlam::new(&config, ring);
         WallSlam::new(&config, ring).localized(memory, Pose2::default(), FOUND_SIGMA_M)?;
         Ok(Self {
             ring: ring.clone(),
             memory: Box::new(memory.clone()),
             searcher: Searcher::new(&known),
             known,
-            walls: Box::new(walls),
+            slam: Box::new(slam),
             config,
             is_found: false,
-            before: None,
+            last_match: None,
             driven_s: 0.0,
             moved_m: 0.0,
-            has_begun: false,
+            has_started: false,
             searching_since: Timestamp::default(),
-            has_complained: false,
-            recognised: 1.0,
+            has_warned: false,
+            matching_share: 1.0,
             scratch: Vec::new(),
         })
     }
 
     fn search(&mut self, at: Timestamp, events: &mut Vec<Event>) -> Option<Found> {
-        let pose = self.walls.pose()?;
-        let found = self.searcher.find(&self.walls.raster(), MIN_SOLID, MARGIN);
-        let believed = found.filter(|found| found.best.fit >= MIN_FIT && found.rival.is_none());
-        let before = std::mem::replace(&mut self.before, believed.map(|found| found.best));
-        let agreed = believed.map(|found| found.best).filter(|best| before.is_some_and(|before| best.agrees(&before)));
+        let pose = self.slam.pose()?;
+        let found = self.searcher.find(&self.slam.raster(), MIN_SOLID, MARGIN);
+        let accepted = found.filter(|found| found.best.fit >= MIN_FIT && found.rival.is_none());
+        let last = std::mem::replace(&mut self.last_match, accepted.map(|found| found.best));
+        let agreed = accepted.map(|found| found.best).filter(|best| last.is_some_and(|last| best.agrees(&last)));
         if let Some(place) = agreed {
-            self.begin(at, place, place.transform * pose, events);
+            self.start_tracking(at, place, place.transform * pose, events);
         }
         found
     }
 
-    fn begin(&mut self, at: Timestamp, place: Place, pose: Pose2, events: &mut Vec<Event>) {
+    fn start_tracking(&mut self, at: Timestamp, place: Place, pose: Pose2, events: &mut Vec<Event>) {
         let fresh = WallSlam::new(&self.config, &self.ring);
-        let local = std::mem::replace(&mut *self.walls, fresh);
-        // What was restored once can be restored again.
-        let Ok(walls) = local.localized(&self.memory, pose, FOUND_SIGMA_M) else { return };
-        *self.walls = walls;
-        (self.is_found, self.recognised, self.before) = (true, 1.0, None);
+        let local = std::mem::replace(&mut *self.slam, fresh);
+        // `new` has restored this state once, so it is valid.
+        let Ok(slam) = local.localized(&self.memory, pose, FOUND_SIGMA_M) else { return };
+        *self.slam = slam;
+        (self.is_found, self.matching_share, self.last_match) = (true, 1.0, None);
         let reason = format!(
             "position found after {:.0} s of driving: {:.2}, {:.2} m, {:.0} degrees; the map explains {:.0} % of what was heard",
             self.driven_s,
@@ -131,22 +132,22 @@ impl Localizer {
             pose.theta_rad.to_degrees(),
             100.0 * place.fit
         );
-        self.tell(at, SearchState::Found, reason, events);
+        self.report(at, SearchState::Found, reason, events);
     }
 
-    /// A robot that recognises nothing any more is not where it is believed to be, nor is one that fits nowhere among the walls.
-    fn watch(&mut self, at: Timestamp, is_abandoned: bool, events: &mut Vec<Event>) {
-        let associations = self.walls.associations();
-        let hears = associations.iter().any(|used| !matches!(used, Association::Unused));
-        if hears {
-            let recognises = associations.iter().any(|used| matches!(used, Association::Wall(_)));
-            self.recognised += FORGET * (f64::from(u8::from(recognises)) - self.recognised);
+    /// Starts the search again if the sweeps no longer match the known walls, or if relocalization among them was abandoned.
+    fn detect_loss(&mut self, at: Timestamp, is_abandoned: bool, events: &mut Vec<Event>) {
+        let associations = self.slam.associations();
+        let has_returns = associations.iter().any(|used| !matches!(used, Association::Unused));
+        if has_returns {
+            let matches_wall = associations.iter().any(|used| matches!(used, Association::Wall(_)));
+            self.matching_share += SHARE_GAIN * (f64::from(u8::from(matches_wall)) - self.matching_share);
         }
-        if is_abandoned || self.recognised < LOST_SHARE {
-            *self.walls = WallSlam::new(&self.config, &self.ring);
-            (self.is_found, self.driven_s, self.moved_m, self.has_complained) = (false, 0.0, 0.0, false);
+        if is_abandoned || self.matching_share < LOST_SHARE {
+            *self.slam = WallSlam::new(&self.config, &self.ring);
+            (self.is_found, self.driven_s, self.moved_m, self.has_warned) = (false, 0.0, 0.0, false);
             self.searching_since = at;
-            self.tell(
+            self.report(
                 at,
                 SearchState::Lost,
                 "position lost: nothing that is heard is in the map; it is sought again".into(),
@@ -155,7 +156,7 @@ impl Localizer {
         }
     }
 
-    fn tell(&self, at: Timestamp, state: SearchState, reason: String, events: &mut Vec<Event>) {
+    fn report(&self, at: Timestamp, state: SearchState, reason: String, events: &mut Vec<Event>) {
         let change = LocalizationChange::KnownMap(KnownMapSearch { state, driven_s: self.driven_s, reason });
         events.push(Event::Localization(LocalizationEvent { at, since: self.searching_since, change }));
     }
@@ -163,35 +164,35 @@ impl Localizer {
 
 impl Estimator for Localizer {
     fn update(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
-        if !std::mem::replace(&mut self.has_begun, true) {
+        if !std::mem::replace(&mut self.has_started, true) {
             self.searching_since = sweep.at;
             let reason = "position unknown: it is sought in the map as soon as the robot drives";
-            self.tell(sweep.at, SearchState::Started, reason.into(), events);
+            self.report(sweep.at, SearchState::Started, reason.into(), events);
         }
         let rolled_m = 0.5 * (sweep.left_m + sweep.right_m).abs();
         let turned_rad = (sweep.right_m - sweep.left_m).abs() / self.config.robot.wheel_base_m;
         self.moved_m += rolled_m + M_PER_RAD * turned_rad;
-        if sweep.left_m.abs() + sweep.right_m.abs() > STILL_M {
+        if sweep.left_m.abs() + sweep.right_m.abs() > STANDSTILL_M {
             self.driven_s += sweep.elapsed_s;
         }
         if self.is_found {
             let before = events.len();
-            self.walls.update(sweep, events);
-            self.watch(sweep.at, events[before..].iter().any(is_abandoned), events);
+            self.slam.update(sweep, events);
+            self.detect_loss(sweep.at, events[before..].iter().any(is_abandoned), events);
             return;
         }
-        self.walls.update(sweep, &mut self.scratch);
+        self.slam.update(sweep, &mut self.scratch);
         // Poses in the temporary map's frame, and changes of its localization, mean nothing outside.
         let is_private = |event: &Event| matches!(event, Event::Estimate(_) | Event::Localization(_));
         events.extend(self.scratch.drain(..).filter(|event| !is_private(event)));
         if self.moved_m >= SEARCH_M {
             self.moved_m = 0.0;
             let found = self.search(sweep.at, events);
-            if !self.is_found && self.driven_s > PATIENCE_S && !self.has_complained {
-                self.has_complained = true;
+            if !self.is_found && self.driven_s > WARNING_S && !self.has_warned {
+                self.has_warned = true;
                 let reason =
                     format!("position still unknown after {:.0} s of driving: {}", self.driven_s, why_not(found));
-                self.tell(sweep.at, SearchState::StillUnknown, reason, events);
+                self.report(sweep.at, SearchState::StillUnknown, reason, events);
             }
         }
     }
@@ -206,27 +207,27 @@ impl Estimator for Localizer {
     }
 
     fn states(&self) -> &[SensorState] {
-        self.walls.states()
+        self.slam.states()
     }
 
     fn verdict(&self, sensor: usize) -> Verdict {
-        self.walls.verdict(sensor)
+        self.slam.verdict(sensor)
     }
 
     fn fault_evidence(&self, sensor: usize) -> (f64, f64) {
-        self.walls.fault_evidence(sensor)
+        self.slam.fault_evidence(sensor)
     }
 
     fn segments(&self) -> Vec<Segment> {
-        if self.is_found { self.walls.segments() } else { Vec::new() }
+        if self.is_found { self.slam.segments() } else { Vec::new() }
     }
 
     fn reversed_encoders(&self) -> [bool; 2] {
-        self.walls.reversed_encoders()
+        self.slam.reversed_encoders()
     }
 
     fn calibration(&self) -> Option<Calibration> {
-        self.walls.calibration()
+        self.slam.calibration()
     }
 }
 

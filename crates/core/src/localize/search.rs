@@ -1,25 +1,26 @@
-//! Where a map made just now lies on a known one: branch and bound over four headings and all translations.
+//! Searches the pose of a new map in a known one: branch and bound over four headings and all translations.
 //!
-//! Both maps have their axes along the building's walls, so the one is turned against the other by a multiple of 90 degrees, and
-//! the rest is a translation in whole cells. The fit of a place is the sum of its points' marks (`super::known_map`) over
+//! Both maps have their axes along the building's walls, so their headings differ by a multiple of 90 degrees; the
+//! rest is a translation in whole cells. The fit of a pose is the sum of its points' marks (`super::known_map`) over
 //! what a perfect fit would get: 1 is perfect, 0 is chance.
 
-use super::known_map::{BEST_MARKS, KnownMap, LEVELS, MARGIN, SOLID, signed, surely_free};
+use super::known_map::{KnownMap, LEVELS, MARGIN, signed, surely_free};
+use super::params::Params;
 use crate::geometry::{Point, Pose2};
 use crate::mapping::raster::Raster;
 use std::collections::BinaryHeap;
 use std::f64::consts::FRAC_PI_2;
 
-/// A place at which the new map may lie.
+/// A pose of the new map in the known one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
     /// `known_from_new`.
     pub transform: Pose2,
-    /// How well it fits.
+    /// How well it fits: 1 is perfect, 0 is chance.
     pub fit: f64,
 }
 
-/// The best place and the best other one.
+/// The best pose and the best other one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Found {
     /// The best.
@@ -28,10 +29,8 @@ pub struct Found {
     pub rival: Option<Place>,
 }
 
-/// Points of one kind that are used at most.
+/// Points of one kind at most; this bounds the time.
 const MAX_POINTS: usize = 500;
-/// Places nearer than this, with the same heading, are the same place, metres.
-const SAME_M: f64 = 0.5;
 
 /// The new map's points under one of the headings, in cells.
 struct Turned {
@@ -53,6 +52,7 @@ struct Node {
 /// Searches one known map.
 #[derive(Clone, Debug)]
 pub struct Searcher {
+    params: Params,
     map: KnownMap,
     cell_m: f64,
     origin: Point,
@@ -62,29 +62,39 @@ impl Searcher {
     /// A searcher for a known map.
     #[must_use]
     pub fn new(known: &Raster) -> Self {
-        Self { map: KnownMap::new(known), cell_m: known.cell_m, origin: known.origin }
+        Self::with_params(known, Params::default())
     }
 
-    /// The best place for a new map, and a rival whose fit is less than `margin` worse; none where the new map shows fewer than
-    /// `least_solid` solid cells.
+    /// The same with other constants.
     #[must_use]
-    pub fn find(&self, new: &Raster, least_solid: usize, margin: f64) -> Option<Found> {
-        let is_free = surely_free(new);
-        let points = [self.points(new, |cell| new.occupancy[cell] >= SOLID), self.points(new, |cell| is_free[cell])];
-        if points[0].len() < least_solid {
+    pub fn with_params(known: &Raster, params: Params) -> Self {
+        Self { params, map: KnownMap::new(known, &params), cell_m: known.cell_m, origin: known.origin }
+    }
+
+    /// The best pose of a new map, and a rival whose fit is less than `margin` worse; none where the new map shows fewer than
+    /// `min_solid` solid cells.
+    #[must_use]
+    pub fn find(&self, new: &Raster, min_solid: usize, margin: f64) -> Option<Found> {
+        let is_free = surely_free(new, &self.params);
+        let points = [
+            self.points(new, |cell| new.occupancy[cell] >= self.params.solid_percent),
+            self.points(new, |cell| is_free[cell]),
+        ];
+        if points[0].len() < min_solid {
             return None;
         }
         let turned = [0, 1, 2, 3].map(|quarter| Turned {
             points: points.each_ref().map(|points| points.iter().map(|point| self.turned(*point, quarter)).collect()),
         });
-        let perfect: i32 = (0..2).map(|kind| BEST_MARKS[kind] * signed(points[kind].len())).sum();
+        let best_marks = self.params.best_marks();
+        let perfect: i32 = (0..2).map(|kind| best_marks[kind] * signed(points[kind].len())).sum();
         let perfect = f64::from(perfect.max(1));
         let best = self.branch_and_bound(&turned, i32::MIN, |_| true)?;
         #[expect(clippy::cast_possible_truncation, reason = "marks of a thousand points")]
         let least = best.marks - (margin * perfect) as i32;
         let rival = self.branch_and_bound(&turned, least, |node| self.is_elsewhere(node, &best));
-        let place = |node: Node| Place { transform: self.transform(&node), fit: f64::from(node.marks) / perfect };
-        Some(Found { best: place(best), rival: rival.map(place) })
+        let solution = |node: Node| Place { transform: self.transform(&node), fit: f64::from(node.marks) / perfect };
+        Some(Found { best: solution(best), rival: rival.map(solution) })
     }
 
     /// Middles of the cells of one kind, in metres, thinned evenly.
@@ -110,17 +120,17 @@ impl Searcher {
     }
 
     fn transform(&self, node: &Node) -> Pose2 {
-        let place = |cells: i32, origin: f64| origin + f64::from(cells - MARGIN) * self.cell_m;
+        let metres = |cells: i32, origin: f64| origin + f64::from(cells - MARGIN) * self.cell_m;
         let heading_rad = f64::from(node.quarter) * FRAC_PI_2;
-        Pose2::new(place(node.column, self.origin.x), place(node.row, self.origin.y), heading_rad)
+        Pose2::new(metres(node.column, self.origin.x), metres(node.row, self.origin.y), heading_rad)
     }
 
     fn is_elsewhere(&self, node: &Node, best: &Node) -> bool {
-        // A square may reach out of the forbidden place: only what lies wholly in it is left out.
+        // A square may reach out of the excluded region: only a square wholly in it is left out.
         let reach = 1 << (LEVELS - 1 - node.fineness);
         let near = |a: i32, b: i32| {
             let farthest = (a - b).abs().max((a + reach - 1 - b).abs());
-            f64::from(farthest) * self.cell_m < SAME_M
+            f64::from(farthest) * self.cell_m < self.params.same_m
         };
         node.quarter != best.quarter || !near(node.column, best.column) || !near(node.row, best.row)
     }
@@ -208,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn a_part_of_the_room_is_found_whatever_its_frame() {
+    fn a_part_of_the_room_is_found_in_any_frame() {
         let known = room(true);
         let found = Searcher::new(&known).find(&seen(&known), 40, 0.1).unwrap();
         assert_eq!(found.rival, None);

@@ -9,7 +9,6 @@ mod saved;
 mod whole;
 
 pub use patch::{MapChange, Patch, percents};
-pub use ray::{Ray, Reader};
 
 use super::params::Params;
 use crate::geometry::Point;

@@ -1,6 +1,6 @@
 //! Mapping: what the beams say about space.
 
-pub mod cone;
-pub mod grid;
-pub mod params;
-pub mod raster;
+pub(crate) mod cone;
+pub(crate) mod grid;
+pub(crate) mod params;
+pub(crate) mod raster;

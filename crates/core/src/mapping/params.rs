@@ -23,7 +23,6 @@
 /// | `shortfall_cells` | 1.5 | cells | by hand; clearing stops this far before the return | smaller: range noise clears the wall itself |
 /// | `sin_mirror` | 0.5 | | by hand; the sine of 30° of incidence | larger: steep walls are cleared; smaller: false walls stay |
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[expect(missing_docs, reason = "the table above says it")]
 pub struct Params {
     pub floor: i16,
     pub ceiling: i16,

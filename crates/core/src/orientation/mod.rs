@@ -1,4 +1,5 @@
 //! Orientation: the directions of a building's walls, and from them the robot's heading.
 
-pub mod dominant_directions;
-pub mod start;
+pub(crate) mod dominant_directions;
+pub(crate) mod params;
+pub(crate) mod start;

@@ -1,47 +1,45 @@
-//! The robot's first heading in the building, from its first sweeps, together with its wheels.
+//! The robot's first heading in the building, from its first sweeps, estimated together with its wheels.
 //!
-//! While the first sweeps gather, the robot moves, and it does so on wheels that nobody has measured yet: one percent between them turns
-//! it by two degrees per metre. An axis found as if they were right is the axis of the middle of the drive, not of its start. So the
-//! wheels are searched along with the axis: the right ones lay all returns of a wall onto one line, and the votes of the
-//! Hough transform ([`super::dominant_directions`]) gather best.
+//! The robot moves while the first sweeps gather, on wheels that are not calibrated yet: one percent between them turns it by two
+//! degrees per metre. An axis found with wrong wheels is the axis of the middle of the drive, not of its start. So the search varies
+//! the wheels, too. Right wheels put all returns of a wall onto one line, and the votes of the Hough transform
+//! ([`super::dominant_directions`]) gather best. It is a maximum a posteriori estimate by pattern search (Hooke and Jeeves, Journal of
+//! the ACM 8, 1961) over the deviations u of wheel ratio and wheel base, in standard deviations:
+//!
+//! `maximize log strength(u) − prior · (u_ratio² + u_base²) / 2`
 
 use super::dominant_directions::{Axis, DominantDirections};
+use super::params::StartParams;
 use crate::event::Calibration;
 use crate::geometry::{Placement, Pose2};
 use crate::sweep::Sweep;
 
-/// Logarithm of the votes' strength that a deviation of one sigma must gain twice over.
-const PRIOR: f64 = 0.02;
-/// The search looks this many sigmas around the best so far: first far, then between.
-const ROUNDS: [f64; 4] = [1.5, 1.0, 0.5, 0.25];
 /// The deviations of a round, in units of its reach.
 const AROUND: [(f64, f64); 8] =
     [(-1.0, -1.0), (-1.0, 0.0), (-1.0, 1.0), (0.0, -1.0), (0.0, 1.0), (1.0, -1.0), (1.0, 0.0), (1.0, 1.0)];
-/// More returns than this are thinned by whole sweeps.
-const MAX_RETURNS: usize = 1_600;
-
 /// The wheels' deviation from the configuration in standard deviations: ratio and base.
 type Deviation = [f64; 2];
 
-/// A search under way. It is done in steps, for a sweep must not wait for all of it.
+/// A search under way. It runs in steps so that no sweep waits for all of it.
 #[derive(Clone, Debug)]
-pub struct Search {
-    /// How many of the sweeps are looked at.
+pub(crate) struct Search {
+    /// Sweeps in use, from the first.
     sweeps: usize,
     first: Axis,
-    /// What this round looks around.
+    /// The centre of this round.
     centre: Deviation,
     best: Deviation,
-    /// Logarithm of the votes' strength for the best, less the prior.
-    most: f64,
+    /// Log strength at the best, less the prior.
+    best_score: f64,
     /// Deviations tried so far.
     tried: usize,
+    params: StartParams,
 }
 
-/// What a step has brought.
+/// The result of a step.
 #[derive(Clone, Debug)]
-pub enum Step {
-    /// There is more to be tried.
+pub(crate) enum Step {
+    /// More deviations are left.
     Running(Search),
     /// The building's axis in the frame of the robot at the first sweep; none without returns.
     Done(Option<Axis>),
@@ -49,7 +47,7 @@ pub enum Step {
 
 impl Search {
     /// Begins a search over all of `sweeps`; none without returns.
-    pub fn begin(finder: &mut DominantDirections, sweeps: &[Sweep], wheels: &Calibration) -> Option<Self> {
+    pub(crate) fn begin(finder: &mut DominantDirections, sweeps: &[Sweep], wheels: &Calibration) -> Option<Self> {
         lay_out(finder, sweeps, wheels, [0.0; 2]);
         let first = finder.find()?;
         Some(Self {
@@ -57,15 +55,16 @@ impl Search {
             first,
             centre: [0.0; 2],
             best: [0.0; 2],
-            most: libm::log(first.strength),
+            best_score: libm::log(first.strength),
             tried: 0,
+            params: finder.params().start,
         })
     }
 
     /// Tries one more deviation. The sweeps are those that the search began with, and any later ones.
-    pub fn step(mut self, finder: &mut DominantDirections, sweeps: &[Sweep], wheels: &Calibration) -> Step {
+    pub(crate) fn step(mut self, finder: &mut DominantDirections, sweeps: &[Sweep], wheels: &Calibration) -> Step {
         let sweeps = &sweeps[..self.sweeps.min(sweeps.len())];
-        let Some(reach) = ROUNDS.get(self.tried / AROUND.len()) else {
+        let Some(reach) = self.params.rounds.get(self.tried / AROUND.len()) else {
             lay_out(finder, sweeps, wheels, self.best);
             let axis = finder.find();
             finder.clear();
@@ -76,9 +75,9 @@ impl Search {
         let deviation = [self.centre[0] + i * reach, self.centre[1] + j * reach];
         lay_out(finder, sweeps, wheels, deviation);
         let prior = 0.5 * (deviation[0] * deviation[0] + deviation[1] * deviation[1]);
-        let strength = finder.find_near(self.first.angle_rad).map_or(f64::NEG_INFINITY, libm::log);
-        if strength - PRIOR * prior > self.most {
-            (self.best, self.most) = (deviation, strength - PRIOR * prior);
+        let log_strength = finder.find_near(self.first.angle_rad).map_or(f64::NEG_INFINITY, libm::log);
+        if log_strength - self.params.prior * prior > self.best_score {
+            (self.best, self.best_score) = (deviation, log_strength - self.params.prior * prior);
         }
         if self.tried.is_multiple_of(AROUND.len()) {
             self.centre = self.best;
@@ -92,17 +91,17 @@ fn lay_out(finder: &mut DominantDirections, sweeps: &[Sweep], wheels: &Calibrati
     let ratio = deviation[0] * wheels.wheel_ratio_sigma;
     let base_m = wheels.wheel_base_m + deviation[1] * wheels.wheel_base_sigma_m;
     let returns: usize = sweeps.iter().map(|sweep| sweep.beams.len()).sum();
-    let stride = returns.div_ceil(MAX_RETURNS).max(1);
+    let stride = returns.div_ceil(finder.params().start.max_returns).max(1);
     finder.clear();
     let mut pose = Pose2::default();
-    for (place, sweep) in sweeps.iter().enumerate() {
-        if place > 0 {
+    for (index, sweep) in sweeps.iter().enumerate() {
+        if index > 0 {
             let [left_m, right_m] = [sweep.left_m * (1.0 - 0.5 * ratio), sweep.right_m * (1.0 + 0.5 * ratio)];
             pose = pose.rolled(left_m, right_m, base_m);
         }
-        if place.is_multiple_of(stride) {
-            let place = Placement::from(pose);
-            sweep.beams.iter().for_each(|beam| finder.add(place, beam));
+        if index.is_multiple_of(stride) {
+            let pose = Placement::from(pose);
+            sweep.beams.iter().for_each(|beam| finder.add(pose, beam));
         }
     }
 }

@@ -1,17 +1,28 @@
-//! A sonar return against a wall of the building frame.
+//! The measurement model of a sonar return against a wall of the building frame.
 //!
-//! A cone that holds the wall's normal returns the perpendicular distance; one that misses it by `eps` returns the distance along its
-//! nearer edge, `d / cos(eps)`. A point beam is a cone of no width. So a return of range r says the perpendicular distance is
-//! `r cos(eps)`, with an error that grows with `r sin(eps)` because the cone's edge is not sharp. Beyond a limit a wall is
-//! a mirror and returns nothing.
+//! | symbol | meaning |
+//! |---|---|
+//! | r, d | measured range, perpendicular distance from sensor to wall (m) |
+//! | w | half angle of the cone, 0 for a point beam (rad) |
+//! | o | angle from the beam's axis to the wall's normal (rad) |
+//! | e | max(\|o\| − w, 0): how far the normal lies outside the cone (rad) |
+//!
+//! A cone that holds the wall's normal returns the perpendicular distance (region of constant depth: Leonard and Durrant-Whyte,
+//! Directed Sonar Sensing for Mobile Robot Navigation, 1992). A cone that misses the normal returns the distance along its nearer
+//! edge. So a return measures
+//!
+//! `d = r cos(e)`, with variance `(sigma_r cos(e))² + (r sin(e) sigma_e)²`
+//!
+//! The second term is there because the edge of a cone is not sharp. Beyond a limit a wall is a mirror and returns nothing.
 
 use super::filter::ROBOT;
+use super::params::BeamParams;
 use crate::geometry::{Placement, Point, nearest_quarter, wrap_angle};
 use crate::sweep::Beam;
 use nalgebra::SVector;
 use std::f64::consts::FRAC_PI_2;
 
-/// The side a wall is seen from, named by the direction from the robot to the wall.
+/// The side from which a wall is observed, named by the direction from the robot to the wall.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Side(u8);
 
@@ -19,7 +30,7 @@ impl Side {
     /// +x, +y, −x, −y.
     pub const ALL: [Self; 4] = [Self(0), Self(1), Self(2), Self(3)];
 
-    /// Its number in [`Self::ALL`].
+    /// Its index in [`Self::ALL`].
     #[must_use]
     pub const fn index(self) -> u8 {
         self.0
@@ -56,17 +67,17 @@ impl Side {
     }
 }
 
-/// What a return says if it came from a wall on one side.
+/// What a return measures if it came from a wall on one side.
 #[derive(Clone, Copy, Debug)]
 pub struct WallObservation {
     /// The side.
     pub side: Side,
     /// Perpendicular distance from the sensor to the wall, metres.
     pub depth_m: f64,
-    /// The sensor's coordinate across the wall.
-    pub across_m: f64,
-    /// The sensor's coordinate along the wall.
-    pub foot_m: f64,
+    /// The sensor's coordinate across the wall, metres.
+    pub sensor_across_m: f64,
+    /// The sensor's coordinate along the wall, metres.
+    pub sensor_along_m: f64,
     /// The coordinate along the wall of the point that echoed.
     pub along_m: f64,
     /// How far the wall's normal lies outside the cone, radians.
@@ -81,21 +92,13 @@ pub struct WallObservation {
     pub h_robot: SVector<f64, ROBOT>,
 }
 
-/// Noise of a range, metres.
-pub const RANGE_SIGMA_M: f64 = 0.02;
-/// The edge of a cone is known to this, and the direction of a point beam to this.
-const EDGE_SIGMA_RAD: f64 = 1.5 * std::f64::consts::PI / 180.0;
-const POINT_SIGMA_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
-/// Narrower cones are point beams.
-pub const POINT_RAD: f64 = 1.0 * std::f64::consts::PI / 180.0;
-/// Normals farther from a beam's axis than this are not heard (and beyond 45 degrees another side is nearer).
-const HEARD_RAD: f64 = 42.0 * std::f64::consts::PI / 180.0;
-
+/// Narrower cones are point beams: a definition, not tuned.
+pub(crate) const POINT_RAD: f64 = 1.0 * std::f64::consts::PI / 180.0;
 impl WallObservation {
     /// The offset of the wall that would explain the return.
     #[must_use]
     pub fn offset_m(&self) -> f64 {
-        self.across_m + self.side.sign() * self.depth_m
+        self.sensor_across_m + self.side.sign() * self.depth_m
     }
 
     /// The point that echoed, building frame.
@@ -105,29 +108,29 @@ impl WallObservation {
     }
 }
 
-/// What the beam's return says if it came from a wall; none without a distance, or where no side faces the beam.
+/// What a beam observes if its return came from a wall; none without a range, or where no side faces the beam.
 #[must_use]
-pub fn observe_wall(at: impl Into<Placement>, beam: &Beam) -> Option<WallObservation> {
+pub fn observe_wall(params: &BeamParams, at: impl Into<Placement>, beam: &Beam) -> Option<WallObservation> {
     if !beam.has_range() {
         return None;
     }
-    let place = at.into();
-    let sensor = place * beam.robot_from_sensor;
+    let placement = at.into();
+    let sensor = placement * beam.robot_from_sensor;
     let (quarter, off_rad) = nearest_quarter(sensor.theta_rad);
-    if off_rad.abs() > HEARD_RAD {
+    if off_rad.abs() > params.max_incidence_rad {
         return None;
     }
     let side = Side::ALL[quarter];
     let oblique_rad = (off_rad.abs() - beam.half_angle_rad).max(0.0);
     let (sin, cos) = if oblique_rad > 0.0 { libm::sincos(oblique_rad) } else { (0.0, 1.0) };
     let depth_m = beam.range_m * cos;
-    let (across_m, foot_m) = side.split(sensor.position());
-    // Positive turns lead toward +y for ±x sides' normals as seen along the axis: the tangent of +x is +y, of +y is −x.
+    let (sensor_across_m, sensor_along_m) = side.split(sensor.position());
+    // A positive rotation moves the normal of +x toward +y, and that of +y toward −x: these are the tangents.
     let tangent_sign = if side.axis() == 0 { side.sign() } else { -side.sign() };
-    let along_m = foot_m + tangent_sign * off_rad.signum() * beam.range_m * sin;
+    let along_m = sensor_along_m + tangent_sign * off_rad.signum() * beam.range_m * sin;
     let is_sharp = beam.half_angle_rad < POINT_RAD;
-    let edge_m = beam.range_m * sin * if is_sharp { POINT_SIGMA_RAD } else { EDGE_SIGMA_RAD };
-    let lever = sensor.position() - place.pose().position();
+    let edge_m = beam.range_m * sin * if is_sharp { params.point_sigma_rad } else { params.edge_sigma_rad };
+    let lever = sensor.position() - placement.pose().position();
     // The sensor moves by (−lever_y, lever_x) per radian.
     let across_by_theta = if side.axis() == 0 { -lever.y } else { lever.x };
     let mut h_robot = SVector::<f64, ROBOT>::zeros();
@@ -139,13 +142,13 @@ pub fn observe_wall(at: impl Into<Placement>, beam: &Beam) -> Option<WallObserva
     Some(WallObservation {
         side,
         depth_m,
-        across_m,
-        foot_m,
+        sensor_across_m,
+        sensor_along_m,
         along_m,
         oblique_rad,
         is_sharp,
         edge_m,
-        variance: (RANGE_SIGMA_M * cos).powi(2) + edge_m * edge_m,
+        variance: (params.range_sigma_m * cos).powi(2) + edge_m * edge_m,
         h_robot,
     })
 }
@@ -170,10 +173,10 @@ mod tests {
             let offset = 2.5;
             // Expected minus measured depth of a wall at `offset`.
             let misfit = |pose: Pose2, side: Side| {
-                observe_wall(pose, &beam).filter(|s| s.side == side).map(|s| side.sign() * (offset - s.across_m) - s.depth_m)
+                observe_wall(&BeamParams::default(), pose, &beam).filter(|s| s.side == side).map(|s| side.sign() * (offset - s.sensor_across_m) - s.depth_m)
             };
             let pose = Pose2::new(x, 0.4, theta);
-            let Some(observation) = observe_wall(pose, &beam) else { return Ok(()) };
+            let Some(observation) = observe_wall(&BeamParams::default(), pose, &beam) else { return Ok(()) };
             let h = 1e-6;
             for (index, (dx, dy, dt)) in [(h, 0.0, 0.0), (0.0, h, 0.0), (0.0, 0.0, h)].into_iter().enumerate() {
                 let plus = misfit(Pose2::new(x + dx, 0.4 + dy, theta + dt), observation.side);
@@ -188,7 +191,7 @@ mod tests {
         fn a_point_beam_echoes_at_its_end(theta in -3.0..3.0f64, bearing in -3.0..3.0f64) {
             let beam = beam(bearing, 0.0, 1.8);
             let pose = Pose2::new(0.3, -0.2, theta);
-            if let Some(observation) = observe_wall(pose, &beam) {
+            if let Some(observation) = observe_wall(&BeamParams::default(), pose, &beam) {
                 let end = (pose * beam.robot_from_sensor).ahead(1.8);
                 prop_assert!((observation.point() - end).norm() < 1e-9);
             }

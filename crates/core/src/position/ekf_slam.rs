@@ -1,4 +1,12 @@
-//! Returns → walls → pose: which wall each beam has seen, and what that says of the pose.
+//! EKF-SLAM with walls as landmarks: data association, then heading, then one update per wall.
+//!
+//! 1. Association: nearest neighbour within a gate, `nu² / S < gate²`, where S holds a beam's noise and the walls' roughness.
+//! 2. Heading: on each wall the misfits z of its beams, regressed on their derivative h by the heading with weights 1/R, give
+//!    the slope `sum w (h − h_mean) z / sum w (h − h_mean)²`. All walls are pooled. A plain mean would lose this: left and
+//!    right edge of a cone depend on the heading with opposite signs.
+//! 3. Position: all beams on one wall are one scalar measurement at the corrected pose.
+//!
+//! Gate and update are the textbook's (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation).
 
 use super::beam_model::{Side, WallObservation, observe_wall};
 use super::filter::{Filter, MAX_WALLS, Measurement, ROBOT};
@@ -6,6 +14,7 @@ use super::inactive_landmarks::InactiveLandmarks;
 use super::innovation_whiteness::InnovationWhiteness;
 use super::landmark_initializer::LandmarkInitializer;
 use super::localization_monitor::LocalizationMonitor;
+use super::params::Params;
 use crate::event::Calibration;
 use crate::geometry::{Placement, Pose2, nearest_quarter};
 use crate::sweep::{Beam, Sweep};
@@ -14,101 +23,92 @@ use nalgebra::SVector;
 /// One wall; its offset is in the filter under the same index.
 #[derive(Clone, Copy, Debug)]
 pub struct WallLandmark {
-    /// The side it is seen from.
+    /// The side it is observed from.
     pub side: Side,
-    /// Where along it it has been seen, metres.
+    /// The range along the wall where it has been observed, metres: its lower end.
     pub lo_m: f64,
-    /// The other end.
+    /// Its upper end.
     pub hi_m: f64,
-    /// Sweeps that have seen it.
+    /// Sweeps that have observed it.
     pub hits: u32,
     pub(super) last_sweep: u64,
-    /// The sweep that it was learnt from; none where an earlier run knew it.
+    /// The sweep that initialized it; none where it comes from a saved state.
     pub(super) first_sweep: Option<u64>,
 }
 
-/// What became of a beam.
+/// The data association of a beam.
 #[derive(Clone, Copy, Debug)]
 pub enum Association {
-    /// It heard this wall.
+    /// A known wall.
     Wall(WallObservation),
-    /// It heard something else.
+    /// Something that is no known wall.
     Unexplained,
-    /// It was not trusted, or heard nothing.
+    /// None: not trusted, or no echo.
     Unused,
 }
 
-/// Keeps the walls and the pose.
+/// Pose and walls of an orthogonal building.
 #[derive(Clone, Debug)]
 pub struct EkfSlam {
     /// The filter over pose, wheels and walls.
     pub filter: Filter,
     pub(super) walls: Vec<WallLandmark>,
     pub(super) inactive: InactiveLandmarks,
-    /// True where the walls are known and none is learnt or changed.
+    /// True where the walls are known and do not change.
     pub(super) is_frozen: bool,
     pub(super) initializer: LandmarkInitializer,
     pub(super) associations: Vec<Association>,
-    matches: Vec<Option<usize>>,
-    /// The walls among the matches, each once.
-    seen: Vec<usize>,
-    expected: Vec<Option<f64>>,
+    /// The wall of each beam.
+    wall_of_beam: Vec<Option<usize>>,
+    /// The walls that this sweep observes, each once.
+    observed: Vec<usize>,
+    /// The range that each beam must measure, metres.
+    expected_m: Vec<Option<f64>>,
     pub(super) monitor: LocalizationMonitor,
-    turns: InnovationWhiteness,
+    whiteness: InnovationWhiteness,
     nis: f64,
+    pub(super) params: Params,
 }
 
-/// What the walls say of the heading.
+/// The heading as the walls measure it.
 struct HeadingObservation {
     innovation_rad: f64,
     variance: f64,
-    /// The beams that say it.
+    /// The beams that measure it.
     beams: usize,
 }
 
-/// Innovations farther out than this many standard deviations belong to something else.
-const GATE_SIGMA: f64 = 2.2;
-/// A cone hears no wall farther outside its edge than this.
-const MAX_OBLIQUE_RAD: f64 = 30.0 * std::f64::consts::PI / 180.0;
-/// Walls are not that flat, and sounds not that straight: floor of one wall's fused noise, metres.
-const MODEL_SIGMA_M: f64 = 0.008;
-/// The same where the walls are those of another drive, which knew them no better.
-const FIXED_SIGMA_M: f64 = 0.025;
-/// The same for a turn read off the walls, radians, and how far off a reading may be.
-const TURN_SIGMA_RAD: f64 = 0.3 * std::f64::consts::PI / 180.0;
-const TURN_GATE_SIGMA: f64 = 4.0;
-/// A turn that no more beams tell is the error of one of them if they insist on it.
-const FEW_BEAMS: usize = 3;
-/// What a beam's edge gets wrong it gets wrong for many sweeps: a wall heard only at edges is measured as if by one sweep of so many.
-const EDGE_SWEEPS: f64 = 10.0;
-/// A wall may be heard this far beyond where it has been seen.
-const MARGIN_M: f64 = 0.15;
-/// Sweeps that must have seen a wall before anything is expected of it.
-pub(super) const WELL_KNOWN: u32 = 15;
-/// Two sightings of one side nearer than this, and within the gate, are one wall.
-const SAME_WALL_M: f64 = 0.07;
-const SAME_GAP_M: f64 = 0.6;
-/// Variance of the difference of what one wall's two offsets are, m².
-const SAME_NOISE_M2: f64 = 2.0 * MODEL_SIGMA_M * MODEL_SIGMA_M;
-
 impl EkfSlam {
-    /// A tracker for a robot at `pose` in the building frame.
+    /// A robot at `pose` in the building frame, without walls.
     #[must_use]
     pub fn new(pose: Pose2, heading_sigma_rad: f64, nominal: Calibration) -> Self {
+        Self::with_params(&Params::default(), pose, heading_sigma_rad, nominal)
+    }
+
+    /// The same with other constants.
+    #[must_use]
+    pub fn with_params(params: &Params, pose: Pose2, heading_sigma_rad: f64, nominal: Calibration) -> Self {
         Self {
-            filter: Filter::new(pose, heading_sigma_rad, nominal),
+            filter: Filter::with_params(params.filter, pose, heading_sigma_rad, nominal),
             walls: Vec::with_capacity(MAX_WALLS),
-            inactive: InactiveLandmarks::default(),
+            inactive: InactiveLandmarks::new(params.inactive, Vec::new()),
             is_frozen: false,
-            initializer: LandmarkInitializer::default(),
+            initializer: LandmarkInitializer::new(params.initializer),
             associations: Vec::new(),
-            matches: Vec::new(),
-            seen: Vec::new(),
-            expected: Vec::new(),
-            monitor: LocalizationMonitor::default(),
-            turns: InnovationWhiteness::default(),
+            wall_of_beam: Vec::new(),
+            observed: Vec::new(),
+            expected_m: Vec::new(),
+            monitor: LocalizationMonitor::new(params.monitor),
+            whiteness: InnovationWhiteness::new(params.whiteness),
             nis: f64::NAN,
+            params: *params,
         }
+    }
+
+    /// The constants in use.
+    #[must_use]
+    pub fn params(&self) -> &Params {
+        &self.params
     }
 
     /// The walls in the filter.
@@ -117,135 +117,152 @@ impl EkfSlam {
         &self.walls
     }
 
-    /// What became of each beam of the last sweep.
+    /// The data association of each beam of the last sweep.
     #[must_use]
     pub fn associations(&self) -> &[Association] {
         &self.associations
     }
 
-    /// Normalised innovation squared of the last sweep, per wall seen; NaN where it saw none.
+    /// Normalised innovation squared of the last sweep, per update; NaN where no wall was observed.
     #[must_use]
     pub fn nis(&self) -> f64 {
         self.nis
     }
 
-    /// Moves the pose with the wheels, which rolled so far as the configured ones would.
+    /// Predicts the pose from the distances that the configured wheels would have rolled, metres.
     pub fn predict(&mut self, left_m: f64, right_m: f64) {
         self.filter.predict(left_m, right_m);
     }
 
-    /// Works out at which range each beam must hear a wall that is well known and squarely in its cone.
+    /// Predicts the range of each beam whose cone squarely holds a well-known wall.
     pub fn predict_ranges(&mut self, sweep: &Sweep) {
-        self.expected.clear();
-        let place = Placement::from(self.filter.pose());
+        self.expected_m.clear();
+        let pose = Placement::from(self.filter.pose());
         for beam in &sweep.beams {
-            self.expected.push(self.predict_range(place, beam));
+            self.expected_m.push(self.predict_range(pose, beam));
         }
     }
 
-    /// That range, for one sensor of the sweep at hand.
+    /// The predicted range of one sensor, metres.
     #[must_use]
     pub fn expected_range_m(&self, sensor: usize) -> Option<f64> {
-        self.expected.get(sensor).copied().flatten()
+        self.expected_m.get(sensor).copied().flatten()
     }
 
-    fn predict_range(&self, place: Placement, beam: &Beam) -> Option<f64> {
-        let sensor = place * beam.robot_from_sensor;
+    fn predict_range(&self, pose: Placement, beam: &Beam) -> Option<f64> {
+        let params = &self.params.slam;
+        let sensor = pose * beam.robot_from_sensor;
         let (quarter, off_rad) = nearest_quarter(sensor.theta_rad);
-        if off_rad.abs() > 0.7 * beam.half_angle_rad.max(0.1) {
+        if off_rad.abs() > params.expect_cone_share * beam.half_angle_rad.max(params.min_expect_rad) {
             return None;
         }
         let side = Side::ALL[quarter];
         let (across_m, along_m) = side.split(sensor.position());
         let mut nearest: Option<f64> = None;
         for (index, wall) in self.walls.iter().enumerate() {
-            let faces =
-                wall.side == side && wall.hits >= WELL_KNOWN && along_m > wall.lo_m + 0.1 && along_m < wall.hi_m - 0.1;
+            let is_known = wall.side == side && wall.hits >= params.well_known_hits;
+            let inset_m = params.expect_inset_m;
+            let faces = is_known && along_m > wall.lo_m + inset_m && along_m < wall.hi_m - inset_m;
             let depth_m = side.sign() * (self.filter.offset_m(index) - across_m);
-            if faces && depth_m > 0.05 {
+            if faces && depth_m > params.min_expected_m {
                 nearest = Some(nearest.map_or(depth_m, |n: f64| n.min(depth_m)));
             }
         }
         nearest
     }
 
-    /// Corrects the pose with the beams that `is_trusted`, and where `may_learn`, learns walls from those that no wall explains.
-    pub fn correct(&mut self, sweep: &Sweep, may_learn: bool, is_trusted: impl Fn(usize) -> bool) {
-        self.associations.clear();
-        self.matches.clear();
-        let place = Placement::from(self.filter.pose());
-        for (sensor, beam) in sweep.beams.iter().enumerate() {
-            let observation = if is_trusted(sensor) { observe_wall(place, beam) } else { None };
-            let found = observation.and_then(|observation| self.associate(&observation));
-            self.matches.push(found);
-            if observation.is_some() {
-                let is_known = found.is_some_and(|wall| self.walls[wall].hits >= WELL_KNOWN);
-                self.monitor.weigh(is_known, self.expected_range_m(sensor), beam.range_m);
-            }
-            self.associations.push(match (observation, found) {
-                (Some(observation), Some(_)) => Association::Wall(observation),
-                _ if is_trusted(sensor) && beam.has_range() => Association::Unexplained,
-                _ => Association::Unused,
-            });
+    /// Corrects the pose with the beams that `is_trusted`. Adds walls from the unexplained ones where `may_add_walls`.
+    pub fn correct(&mut self, sweep: &Sweep, may_add_walls: bool, is_trusted: impl Fn(usize) -> bool) {
+        self.associate_beams(sweep, is_trusted);
+        let (mut nis_sum, mut updates) = (0.0, 0.0);
+        if let Some(nis) = self.update_heading() {
+            nis_sum += nis;
+            updates += 1.0;
         }
-        self.seen.clear();
-        self.seen.extend(self.matches.iter().flatten());
-        self.seen.sort_unstable();
-        self.seen.dedup();
-        let (mut nis_sum, mut seen) = (0.0, 0.0);
-        if let Some(turn) = self.observe_heading() {
-            let (innovation_rad, heading_variance) = (turn.innovation_rad, self.filter.pose_covariance()[(2, 2)]);
-            let factor = self.turns.weigh(innovation_rad / (heading_variance + turn.variance).sqrt());
-            let variance = if turn.beams <= FEW_BEAMS { turn.variance * factor } else { turn.variance };
-            let distance = innovation_rad.powi(2) / (heading_variance + variance);
-            self.filter.learn_slip(distance);
-            if distance < TURN_GATE_SIGMA * TURN_GATE_SIGMA {
-                nis_sum += distance;
-                seen += 1.0;
-                self.filter.update_heading(innovation_rad, variance);
-            }
-        }
-        for place in 0..self.seen.len() {
-            let index = self.seen[place];
+        for observed in 0..self.observed.len() {
+            let index = self.observed[observed];
             if let Some(measurement) = self.fuse(sweep, index) {
                 nis_sum += measurement.innovation.powi(2) / self.filter.innovation_variance(&measurement);
-                seen += 1.0;
+                updates += 1.0;
                 self.filter.update(&measurement);
                 self.walls[index].hits = self.walls[index].hits.saturating_add(1);
                 self.walls[index].last_sweep = sweep.index;
             }
         }
-        self.nis = nis_sum / seen;
+        self.nis = nis_sum / updates;
         if !self.is_frozen {
-            if may_learn && !self.monitor.is_doubtful() {
-                self.learn(sweep);
+            if may_add_walls && !self.monitor.is_doubtful() {
+                self.initialize_landmarks(sweep);
             }
             self.merge(sweep.index);
         }
         self.swap_landmarks();
     }
 
-    /// Variance of a wall's fused noise.
+    /// Data association of all beams.
+    fn associate_beams(&mut self, sweep: &Sweep, is_trusted: impl Fn(usize) -> bool) {
+        self.associations.clear();
+        self.wall_of_beam.clear();
+        let pose = Placement::from(self.filter.pose());
+        for (sensor, beam) in sweep.beams.iter().enumerate() {
+            let observation = if is_trusted(sensor) { observe_wall(&self.params.beam, pose, beam) } else { None };
+            let wall = observation.and_then(|observation| self.associate(&observation));
+            self.wall_of_beam.push(wall);
+            if observation.is_some() {
+                let is_known = wall.is_some_and(|wall| self.walls[wall].hits >= self.params.slam.well_known_hits);
+                self.monitor.add(is_known, self.expected_range_m(sensor), beam.range_m);
+            }
+            self.associations.push(match (observation, wall) {
+                (Some(observation), Some(_)) => Association::Wall(observation),
+                _ if is_trusted(sensor) && beam.has_range() => Association::Unexplained,
+                _ => Association::Unused,
+            });
+        }
+        self.observed.clear();
+        self.observed.extend(self.wall_of_beam.iter().flatten());
+        self.observed.sort_unstable();
+        self.observed.dedup();
+    }
+
+    /// Corrects the heading. Returns the normalised innovation squared; none without a measurement within the gate.
+    fn update_heading(&mut self) -> Option<f64> {
+        let params = self.params.slam;
+        let HeadingObservation { innovation_rad, variance, beams } = self.observe_heading()?;
+        let heading_variance = self.filter.pose_covariance()[(2, 2)];
+        let factor = self.whiteness.variance_factor(innovation_rad / (heading_variance + variance).sqrt());
+        let variance = if beams <= params.few_beams { variance * factor } else { variance };
+        let nis = innovation_rad.powi(2) / (heading_variance + variance);
+        self.filter.adapt_slip(nis);
+        (nis < params.heading_gate_sigma * params.heading_gate_sigma).then(|| {
+            self.filter.update_heading(innovation_rad, variance);
+            nis
+        })
+    }
+
+    /// Floor of the variance of one wall's fused measurement, m².
     fn model_variance(&self) -> f64 {
-        let sigma_m = if self.is_frozen { FIXED_SIGMA_M } else { MODEL_SIGMA_M };
+        let params = &self.params.slam;
+        let sigma_m = if self.is_frozen { params.frozen_sigma_m } else { params.model_sigma_m };
         sigma_m * sigma_m
     }
 
-    /// The wall that explains a observation best, within the gate.
+    /// Data association: the wall with the least Mahalanobis distance within the gate.
     fn associate(&self, observation: &WallObservation) -> Option<usize> {
-        if !observation.is_sharp && observation.oblique_rad > MAX_OBLIQUE_RAD {
+        let params = &self.params.slam;
+        if !observation.is_sharp && observation.oblique_rad > params.max_oblique_rad {
             return None;
         }
         let mut best: Option<(f64, usize)> = None;
         for (index, wall) in self.walls.iter().enumerate() {
-            let reaches = observation.along_m > wall.lo_m - MARGIN_M && observation.along_m < wall.hi_m + MARGIN_M;
+            let (along_m, margin_m) = (observation.along_m, params.margin_m);
+            let reaches = along_m > wall.lo_m - margin_m && along_m < wall.hi_m + margin_m;
             if wall.side != observation.side || !reaches {
                 continue;
             }
             let measurement = self.measure(observation, index);
             let variance = self.filter.innovation_variance(&measurement) + self.model_variance();
             let distance = measurement.innovation * measurement.innovation / variance;
-            if distance < GATE_SIGMA * GATE_SIGMA && best.is_none_or(|(least, _)| distance < least) {
+            if distance < params.gate_sigma * params.gate_sigma && best.is_none_or(|(least, _)| distance < least) {
                 best = Some((distance, index));
             }
         }
@@ -254,7 +271,7 @@ impl EkfSlam {
 
     fn measure(&self, observation: &WallObservation, wall: usize) -> Measurement {
         let sign = observation.side.sign();
-        let expected_m = sign * (self.filter.offset_m(wall) - observation.across_m);
+        let expected_m = sign * (self.filter.offset_m(wall) - observation.sensor_across_m);
         Measurement {
             innovation: observation.depth_m - expected_m,
             robot: observation.h_robot,
@@ -263,13 +280,13 @@ impl EkfSlam {
         }
     }
 
-    /// What the beams say of the heading: on each wall, how their misfits grow with how they feel a turn.
+    /// The heading from the beams: on each wall, the slope of their misfits over their derivative by the heading.
     fn observe_heading(&self) -> Option<HeadingObservation> {
         let (mut information, mut sum, mut beams) = (0.0, 0.0, 0);
-        for &wall in &self.seen {
+        for &wall in &self.observed {
             let (mut w, mut wh, mut whh, mut wz, mut whz, mut count) = (0.0, 0.0, 0.0, 0.0, 0.0, 0);
-            for (used, found) in self.associations.iter().zip(&self.matches) {
-                let (Association::Wall(observation), true) = (used, *found == Some(wall)) else { continue };
+            for (association, index) in self.associations.iter().zip(&self.wall_of_beam) {
+                let (Association::Wall(observation), true) = (association, *index == Some(wall)) else { continue };
                 let m = self.measure(observation, wall);
                 let (weight, h) = (1.0 / m.variance, m.robot[2]);
                 w += weight;
@@ -279,33 +296,38 @@ impl EkfSlam {
                 whz += weight * h * m.innovation;
                 count += 1;
             }
-            // One beam says nothing of a turn.
+            // A slope takes two beams.
             if count > 1 {
                 beams += count;
                 information += whh - wh * wh / w;
                 sum += whz - wh * wz / w;
             }
         }
-        let variance = 1.0 / information + TURN_SIGMA_RAD * TURN_SIGMA_RAD;
-        (information > 1.0).then(|| HeadingObservation { innovation_rad: sum / information, variance, beams })
+        let params = &self.params.slam;
+        let variance = 1.0 / information + params.heading_sigma_rad * params.heading_sigma_rad;
+        (information > params.min_heading_information).then(|| HeadingObservation {
+            innovation_rad: sum / information,
+            variance,
+            beams,
+        })
     }
 
-    /// All beams on one wall as one measurement at the pose as it is now.
+    /// All beams on one wall as one measurement at the current pose.
     fn fuse(&mut self, sweep: &Sweep, wall: usize) -> Option<Measurement> {
         let (mut weight, mut innovation, mut edge) = (0.0, 0.0, 0.0);
         let mut robot = SVector::<f64, ROBOT>::zeros();
-        let place = Placement::from(self.filter.pose());
-        for sensor in 0..self.matches.len() {
-            if self.matches[sensor] != Some(wall) {
+        let pose = Placement::from(self.filter.pose());
+        for sensor in 0..self.wall_of_beam.len() {
+            if self.wall_of_beam[sensor] != Some(wall) {
                 continue;
             }
-            let Some(observation) = observe_wall(place, &sweep.beams[sensor]) else { continue };
+            let Some(observation) = observe_wall(&self.params.beam, pose, &sweep.beams[sensor]) else { continue };
             let measurement = self.measure(&observation, wall);
             weight += 1.0 / measurement.variance;
             innovation += measurement.innovation / measurement.variance;
             edge += observation.edge_m / measurement.variance;
             robot += measurement.robot / measurement.variance;
-            if observation.oblique_rad < 0.1 && !self.is_frozen {
+            if observation.oblique_rad < self.params.slam.max_extension_rad && !self.is_frozen {
                 let extent = &mut self.walls[wall];
                 extent.lo_m = extent.lo_m.min(observation.along_m);
                 extent.hi_m = extent.hi_m.max(observation.along_m);
@@ -315,21 +337,21 @@ impl EkfSlam {
             innovation: innovation / weight,
             robot: robot / weight,
             wall: (wall, self.walls[wall].side.sign()),
-            variance: 1.0 / weight + self.model_variance() + EDGE_SWEEPS * (edge / weight).powi(2),
+            variance: 1.0 / weight + self.model_variance() + self.params.slam.edge_sweeps * (edge / weight).powi(2),
         })
     }
 
-    /// Gathers what no wall explains, until it is a wall.
-    fn learn(&mut self, sweep: &Sweep) {
-        let place = Placement::from(self.filter.pose());
+    /// Adds walls from the unexplained beams.
+    fn initialize_landmarks(&mut self, sweep: &Sweep) {
+        let pose = Placement::from(self.filter.pose());
         for sensor in 0..self.associations.len() {
             if !matches!(self.associations[sensor], Association::Unexplained) {
                 continue;
             }
-            let Some(observation) = observe_wall(place, &sweep.beams[sensor]) else { continue };
+            let Some(observation) = observe_wall(&self.params.beam, pose, &sweep.beams[sensor]) else { continue };
             let Some(new) = self.initializer.add(&observation, sweep.index) else { continue };
             let h_robot = observation.h_robot * -observation.side.sign();
-            if self.filter.add(new.offset_m, &h_robot, SAME_NOISE_M2).is_some() {
+            if self.filter.add(new.offset_m, &h_robot, self.params.slam.same_noise_m2()).is_some() {
                 let (lo_m, hi_m, now) = (new.lo_m, new.hi_m, sweep.index);
                 let wall =
                     WallLandmark { side: new.side, lo_m, hi_m, hits: 1, last_sweep: now, first_sweep: Some(now) };
@@ -338,7 +360,7 @@ impl EkfSlam {
         }
     }
 
-    /// Makes one wall of two that are the same; only what this sweep has seen has moved.
+    /// Merges two walls that are the same. Only walls that this sweep observed have moved.
     fn merge(&mut self, sweep: u64) {
         for a in 0..self.walls.len() {
             if self.walls[a].last_sweep != sweep {
@@ -347,7 +369,7 @@ impl EkfSlam {
             let other = |&b: &usize| a != b && self.is_same(a, b);
             if let Some((a, b)) = (0..self.walls.len()).find(other).map(|b| (a.min(b), a.max(b))) {
                 let (one, other) = (self.walls[a], self.walls[b]);
-                self.filter.merge(a, b, SAME_NOISE_M2);
+                self.filter.merge(a, b, self.params.slam.same_noise_m2());
                 self.walls[a].lo_m = one.lo_m.min(other.lo_m);
                 self.walls[a].hi_m = one.hi_m.max(other.hi_m);
                 self.walls[a].hits = one.hits.saturating_add(other.hits);
@@ -360,14 +382,15 @@ impl EkfSlam {
 
     /// Whether two walls are one.
     fn is_same(&self, a: usize, b: usize) -> bool {
+        let params = &self.params.slam;
         let (one, other) = (&self.walls[a], &self.walls[b]);
         if one.side != other.side {
             return false;
         }
         let gap_m = (one.lo_m - other.hi_m).max(other.lo_m - one.hi_m);
         let apart_m = (self.filter.offset_m(a) - self.filter.offset_m(b)).abs();
-        gap_m <= SAME_GAP_M
-            && apart_m <= SAME_WALL_M
-            && apart_m.powi(2) <= 9.0 * (self.filter.difference_variance(a, b) + SAME_NOISE_M2)
+        gap_m <= params.same_gap_m
+            && apart_m <= params.same_wall_m
+            && apart_m.powi(2) <= params.same_gate * (self.filter.difference_variance(a, b) + params.same_noise_m2())
     }
 }

@@ -7,31 +7,25 @@
 //! | F, Q | motion: how the old state moves the new one, and the noise of the wheels |
 //! | H, R | measurement: how the state moves the expected distance, and the noise of the distance |
 //! | S, K | innovation covariance, gain |
+//! | ds, dtheta | distance and rotation between two sweeps |
+//! | `j_a` | Jacobian of the pose by a, one column |
 //!
 //! The frame is the building's: its axes are the walls' directions, so a wall is one number. A wall's state never changes by itself,
-//! so a prediction touches only the robot's five rows; each measurement is a scalar, so an update is one outer product.
+//! so a prediction touches only the robot's five rows; each measurement is a scalar, so an update is one outer product. The
+//! equations are EKF-SLAM's with landmarks of one coordinate (Thrun, Burgard and Fox, Probabilistic Robotics, 10).
 
+use super::params::FilterParams;
 use super::symmetric::Symmetric;
 use crate::event::Calibration;
 use crate::geometry::{Pose2, sinc};
 use nalgebra::{Matrix3, SMatrix, SVector};
 
 /// The robot's part of the state.
-pub const ROBOT: usize = 5;
+pub(crate) const ROBOT: usize = 5;
 /// Walls that the filter holds at most.
-pub const MAX_WALLS: usize = 160;
+pub(crate) const MAX_WALLS: usize = 160;
 
 pub(super) type Robot = SVector<f64, ROBOT>;
-
-/// Random error of a wheel's travel: variance per metre rolled, m, of wheels that slip least.
-const WHEEL_NOISE_M: f64 = 3.5e-5;
-/// Wheels that slip most have this many times that variance; it is learnt over about a hundred sweeps.
-const MAX_SLIP: f64 = 10.0;
-const SLIP_GAIN: f64 = 0.01;
-/// A single innovation says no more of the slip than this normalised square.
-const MAX_NIS: f64 = 9.0;
-/// Wheels wear and carpets differ: variance of both per metre rolled.
-const WHEEL_DRIFT_M: f64 = 2e-8;
 
 /// The filter's state and covariance.
 #[derive(Clone, Debug)]
@@ -44,6 +38,7 @@ pub struct Filter {
     pub(super) nominal: Calibration,
     /// The wheels' random error as a multiple of the least variance.
     pub(super) slip: f64,
+    params: FilterParams,
     column: Vec<f64>,
 }
 
@@ -61,12 +56,19 @@ pub struct Measurement {
 }
 
 impl Filter {
-    /// A filter at a pose whose heading is known to `heading_sigma_rad`; the position is the origin by definition. The
-    /// wheels are `nominal` as far as its standard deviations say.
+    /// A filter at a pose whose heading has the standard deviation `heading_sigma_rad`; the position is the origin by
+    /// definition. `nominal` is the prior of the wheels.
     #[must_use]
     pub fn new(pose: Pose2, heading_sigma_rad: f64, nominal: Calibration) -> Self {
+        Self::with_params(FilterParams::default(), pose, heading_sigma_rad, nominal)
+    }
+
+    /// The same with other constants.
+    #[must_use]
+    pub fn with_params(params: FilterParams, pose: Pose2, heading_sigma_rad: f64, nominal: Calibration) -> Self {
+        let start_m = params.start_sigma_m;
         let base_sigma = nominal.wheel_base_sigma_m / nominal.wheel_base_m;
-        let sigmas = Robot::new(1e-4, 1e-4, heading_sigma_rad, nominal.wheel_ratio_sigma, base_sigma);
+        let sigmas = Robot::new(start_m, start_m, heading_sigma_rad, nominal.wheel_ratio_sigma, base_sigma);
         Self {
             robot: Robot::new(pose.x_m, pose.y_m, pose.theta_rad, 0.0, 0.0),
             offsets: Vec::with_capacity(MAX_WALLS),
@@ -75,6 +77,7 @@ impl Filter {
             wall_cov: Symmetric::new(MAX_WALLS),
             nominal,
             slip: 1.0,
+            params,
             column: vec![0.0; MAX_WALLS],
         }
     }
@@ -109,7 +112,7 @@ impl Filter {
         self.wall_cov.get(wall, wall)
     }
 
-    /// What has been learnt of the wheels.
+    /// The estimated wheels.
     #[must_use]
     pub fn calibration(&self) -> Calibration {
         Calibration {
@@ -125,32 +128,32 @@ impl Filter {
         let [ratio, base] = [self.robot[3], self.nominal.wheel_base_m * (1.0 + self.robot[4])];
         let left = left_m * (1.0 - 0.5 * ratio);
         let right = right_m * (1.0 + 0.5 * ratio);
-        let turn = (right - left) / base;
-        let distance = 0.5 * (left + right);
-        let (sin, cos) = libm::sincos(self.robot[2] + 0.5 * turn);
-        let chord = distance * sinc(0.5 * turn);
+        let dtheta = (right - left) / base;
+        let ds = 0.5 * (left + right);
+        let (sin, cos) = libm::sincos(self.robot[2] + 0.5 * dtheta);
+        let chord = ds * sinc(0.5 * dtheta);
         self.robot[0] += chord * cos;
         self.robot[1] += chord * sin;
-        self.robot[2] = crate::geometry::wrap_angle(self.robot[2] + turn);
+        self.robot[2] = crate::geometry::wrap_angle(self.robot[2] + dtheta);
 
-        // Columns of the pose's derivative by heading, turn and distance; the chain rule gives the wheels'.
-        let by_turn = Robot::new(-0.5 * distance * sin, 0.5 * distance * cos, 1.0, 0.0, 0.0);
-        let by_distance = Robot::new(cos, sin, 0.0, 0.0, 0.0);
+        // The chain rule gives the Jacobians by the wheels' parameters.
+        let j_dtheta = Robot::new(-0.5 * ds * sin, 0.5 * ds * cos, 1.0, 0.0, 0.0);
+        let j_ds = Robot::new(cos, sin, 0.0, 0.0, 0.0);
         let mut f = SMatrix::<f64, ROBOT, ROBOT>::identity();
         f[(0, 2)] = -chord * sin;
         f[(1, 2)] = chord * cos;
-        let by_ratio = by_turn * (0.5 * (right_m + left_m) / base) + by_distance * (0.25 * (right_m - left_m));
-        let by_base = by_turn * (-turn / (1.0 + self.robot[4]));
+        let j_ratio = j_dtheta * (0.5 * (right_m + left_m) / base) + j_ds * (0.25 * (right_m - left_m));
+        let j_base = j_dtheta * (-dtheta / (1.0 + self.robot[4]));
         for row in 0..3 {
-            f[(row, 3)] = by_ratio[row];
-            f[(row, 4)] = by_base[row];
+            f[(row, 3)] = j_ratio[row];
+            f[(row, 4)] = j_base[row];
         }
-        let noise_m = self.slip * WHEEL_NOISE_M;
+        let noise_m = self.slip * self.params.wheel_noise_m;
         let (left_noise, right_noise) = (noise_m * left.abs(), noise_m * right.abs());
-        let by_left = by_distance * 0.5 - by_turn / base;
-        let by_right = by_distance * 0.5 + by_turn / base;
-        let mut q = by_left * by_left.transpose() * left_noise + by_right * by_right.transpose() * right_noise;
-        let drift = WHEEL_DRIFT_M * (left.abs() + right.abs());
+        let j_left = j_ds * 0.5 - j_dtheta / base;
+        let j_right = j_ds * 0.5 + j_dtheta / base;
+        let mut q = j_left * j_left.transpose() * left_noise + j_right * j_right.transpose() * right_noise;
+        let drift = self.params.wheel_drift_m * (left.abs() + right.abs());
         q[(3, 3)] += drift;
         q[(4, 4)] += drift;
         self.robot_cov = f * self.robot_cov * f.transpose() + q;
@@ -190,14 +193,15 @@ impl Filter {
         self.correct(&robot_column, s, innovation_rad);
     }
 
-    /// Learns how much the wheels slip: headings read off the walls whose normalised innovation squared `nis` is more than 1 on the
-    /// mean say that the prediction between them is worse than believed.
-    pub fn learn_slip(&mut self, nis: f64) {
-        let slip = self.slip * libm::exp(SLIP_GAIN * (nis.min(MAX_NIS) - 1.0));
-        self.slip = slip.clamp(1.0, MAX_SLIP);
+    /// Adapts the wheels' noise to a normalised innovation squared `nis` of the heading: a mean above 1 shows that the wheels
+    /// slip more than the filter assumes.
+    pub fn adapt_slip(&mut self, nis: f64) {
+        let FilterParams { slip_gain, max_nis, max_slip, .. } = self.params;
+        let slip = self.slip * libm::exp(slip_gain * (nis.min(max_nis) - 1.0));
+        self.slip = slip.clamp(1.0, max_slip);
     }
 
-    /// Two walls are one: their offsets are made equal to within a variance, and the second is dropped.
+    /// Merges two walls: measures that their offsets are equal to within a variance, and removes the second.
     pub fn merge(&mut self, keep: usize, gone: usize, variance: f64) {
         let between = self.difference_variance(keep, gone) + variance;
         for i in 0..self.walls() {
@@ -214,7 +218,7 @@ impl Filter {
         self.wall_variance(a) + self.wall_variance(b) - 2.0 * self.wall_cov.get(a, b)
     }
 
-    /// Adds a wall whose offset is `offset_m`, seen from the robot: `h_robot` is the offset's derivative by the robot's state,
+    /// Adds a wall observed at `offset_m`: `h_robot` is the offset's derivative by the robot's state,
     /// `variance` the noise of the observation. Returns its index, or none where the filter is full.
     pub fn add(&mut self, offset_m: f64, h_robot: &Robot, variance: f64) -> Option<usize> {
         let new = self.walls();
@@ -239,7 +243,7 @@ impl Filter {
         self.cross.swap_remove(wall);
     }
 
-    /// Puts the robot elsewhere: what tied its pose to wheels and walls is void.
+    /// Sets the pose and clears its correlations with wheels and walls.
     pub fn relocate(&mut self, pose: Pose2, position_sigma_m: f64, heading_sigma_rad: f64) {
         let sigmas = [position_sigma_m, position_sigma_m, heading_sigma_rad];
         for (row, value) in [pose.x_m, pose.y_m, pose.theta_rad].into_iter().enumerate() {

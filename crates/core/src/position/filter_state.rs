@@ -1,6 +1,7 @@
-//! What a filter remembers, and how it begins from that.
+//! The filter's saved state.
 
 use super::filter::{Filter, MAX_WALLS, ROBOT, Robot};
+use super::params::FilterParams;
 use crate::geometry::Pose2;
 use crate::saved_state::{FilterState, InvalidState};
 
@@ -25,31 +26,31 @@ impl Filter {
         }
     }
 
-    /// The filter that wrote the memory.
+    /// The filter that was saved.
     ///
     /// # Errors
-    /// Where the numbers do not fit together or are none.
-    pub fn restore(memory: &FilterState) -> Result<Self, InvalidState> {
-        let (walls, entries) = (memory.offsets_m.len(), memory.covariance.len());
-        if memory.robot.len() != ROBOT || walls > MAX_WALLS || entries != (ROBOT + walls) * (ROBOT + walls + 1) / 2 {
+    /// Where the numbers do not fit together or are not finite.
+    pub fn restore(params: FilterParams, saved: &FilterState) -> Result<Self, InvalidState> {
+        let (walls, entries) = (saved.offsets_m.len(), saved.covariance.len());
+        if saved.robot.len() != ROBOT || walls > MAX_WALLS || entries != (ROBOT + walls) * (ROBOT + walls + 1) / 2 {
             return Err(InvalidState("the filter's state and covariance are not of one size"));
         }
-        let wheels = memory.nominal;
-        let mut numbers = memory.robot.iter().chain(&memory.offsets_m).chain(&memory.covariance);
+        let wheels = saved.nominal;
+        let mut numbers = saved.robot.iter().chain(&saved.offsets_m).chain(&saved.covariance);
         let are_sizes = wheels.wheel_ratio > 0.0 && wheels.wheel_base_m > 0.0;
         if !(numbers.all(|number| number.abs() < 1e9) && are_sizes) {
             return Err(InvalidState("the filter's state is not made of usable numbers"));
         }
-        let mut filter = Self::new(Pose2::default(), 0.0, memory.nominal);
-        filter.robot.copy_from_slice(&memory.robot);
-        let mut entries = memory.covariance.iter().copied();
+        let mut filter = Self::with_params(params, Pose2::default(), 0.0, saved.nominal);
+        filter.robot.copy_from_slice(&saved.robot);
+        let mut entries = saved.covariance.iter().copied();
         for row in 0..ROBOT {
             for column in 0..=row {
                 let entry = entries.next().unwrap_or_default();
                 (filter.robot_cov[(row, column)], filter.robot_cov[(column, row)]) = (entry, entry);
             }
         }
-        filter.offsets.clone_from(&memory.offsets_m);
+        filter.offsets.clone_from(&saved.offsets_m);
         for row in 0..walls {
             filter.cross.push(Robot::from_iterator(entries.by_ref().take(ROBOT)));
             let covariances = filter.wall_cov.row_mut(row);
@@ -62,14 +63,14 @@ impl Filter {
         Ok(filter)
     }
 
-    /// Admits that the pose is less certain than believed.
+    /// Adds to the pose's covariance.
     pub fn inflate(&mut self, position_sigma_m: f64, heading_sigma_rad: f64) {
         self.robot_cov[(0, 0)] += position_sigma_m * position_sigma_m;
         self.robot_cov[(1, 1)] += position_sigma_m * position_sigma_m;
         self.robot_cov[(2, 2)] += heading_sigma_rad * heading_sigma_rad;
     }
 
-    /// Takes the walls as they are, without doubt: updates change the robot only.
+    /// Sets the covariance of the walls to zero: updates change the robot only.
     pub fn freeze_walls(&mut self) {
         self.cross.fill(Robot::zeros());
         self.wall_cov.clear();

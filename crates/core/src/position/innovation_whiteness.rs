@@ -1,29 +1,29 @@
-//! Innovations that keep their sign: errors of one cause, which the filter would take for measurements independent of each other.
+//! Whiteness of innovations: a repeated error must not count as many independent measurements.
 //!
-//! A filter that knows its errors sees innovations that are white (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to
-//! Tracking and Navigation, 5.4). Where their leaky mean is far from zero, what is measured repeats one error, such as a piece of
-//! furniture that is taken for the wall behind it, and each repetition counts for less.
+//! The innovations of a consistent filter are white (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and
+//! Navigation, 5.4). Their leaky mean `m += g (nu − m)` then has the variance `g / (2 − g)`. A mean far outside shows one error
+//! that repeats, such as a piece of furniture that is taken for the wall behind it; the measurement's variance grows accordingly.
+
+use super::params::WhitenessParams;
 
 /// The leaky mean of normalised innovations.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct InnovationWhiteness {
     mean: f64,
+    params: WhitenessParams,
 }
 
-/// What one innovation adds to the mean: some twenty are remembered.
-const GAIN: f64 = 0.1;
-/// The variance of the mean of white innovations.
-const WHITE: f64 = GAIN / (2.0 - GAIN);
-/// Means within so many standard deviations are taken for white.
-const WHITE_SIGMA: f64 = 2.0;
-/// A single innovation says no more than this.
-const MAX_SIGMA: f64 = 3.0;
-
 impl InnovationWhiteness {
-    /// Adds an innovation over its standard deviation, and tells by what factor its variance is larger than believed: 1 for white ones.
-    pub(super) fn weigh(&mut self, normalised: f64) -> f64 {
-        self.mean += GAIN * (normalised.clamp(-MAX_SIGMA, MAX_SIGMA) - self.mean);
-        (self.mean * self.mean / (WHITE * WHITE_SIGMA * WHITE_SIGMA)).max(1.0)
+    pub(super) fn new(params: WhitenessParams) -> Self {
+        Self { mean: 0.0, params }
+    }
+
+    /// Adds an innovation over its standard deviation. Returns the factor by which to inflate its variance: 1 for white ones.
+    pub(super) fn variance_factor(&mut self, normalised: f64) -> f64 {
+        let WhitenessParams { gain, white_sigma, max_sigma } = self.params;
+        self.mean += gain * (normalised.clamp(-max_sigma, max_sigma) - self.mean);
+        let white_variance = gain / (2.0 - gain);
+        (self.mean * self.mean / (white_variance * white_sigma * white_sigma)).max(1.0)
     }
 }
 
@@ -32,13 +32,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn white_innovations_are_believed_and_insisting_ones_are_not() {
+    fn white_innovations_keep_their_variance_and_repeated_ones_do_not() {
         let mut white = InnovationWhiteness::default();
-        assert!((0..200).all(|k| white.weigh(if k % 2 == 0 { 1.0 } else { -1.0 }) <= 1.0));
+        assert!((0..200).all(|k| white.variance_factor(if k % 2 == 0 { 1.0 } else { -1.0 }) <= 1.0));
         let mut same = InnovationWhiteness::default();
-        let factor = (0..50).map(|_| same.weigh(1.0)).last().unwrap_or_default();
+        let factor = (0..50).map(|_| same.variance_factor(1.0)).last().unwrap_or_default();
         assert!(factor > 4.0, "{factor}");
         let mut wild = InnovationWhiteness::default();
-        assert!((0..100).all(|_| wild.weigh(1e9) <= 45.0));
+        assert!((0..100).all(|_| wild.variance_factor(1e9) <= 45.0));
     }
 }

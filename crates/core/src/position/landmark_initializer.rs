@@ -1,23 +1,25 @@
-//! Where walls are born: returns that no known wall explains gather here until they agree on one.
+//! Landmark initialization: returns that no known wall explains are clustered until a cluster is a wall.
 //!
-//! A candidate collects sightings of one side whose offsets lie close together. It becomes a wall once enough of them, from
-//! enough sweeps and from places far enough apart along the wall, scatter little: a corner, a chair leg or a slanted
-//! surface does not keep one offset while the robot moves.
+//! A candidate collects observations of one side whose offsets lie close together. It becomes a wall once it has enough of them,
+//! from enough sweeps and from sensor positions far enough apart along the wall, and they scatter little. A corner, a chair leg or a
+//! slanted surface does not keep one offset while the robot moves. Mean and scatter are Welford's (Technometrics 4, 1962):
+//! `mean += (x − mean) / n`, `S += (x − mean_before)(x − mean)`.
 
 use super::beam_model::{Side, WallObservation};
+use super::params::InitializerParams;
 
-/// A wall in the making.
+/// A cluster that may become a wall.
 #[derive(Clone, Copy, Debug)]
-pub struct Candidate {
-    /// The side it is seen from.
+pub(crate) struct Candidate {
+    /// The side it is observed from.
     pub side: Side,
     /// Mean offset, metres.
     pub offset_m: f64,
     /// Sum of squared differences from the mean.
     scatter_m2: f64,
-    /// Where along the wall it has been seen.
+    /// The range along the wall where it has been observed, metres: its lower end.
     pub lo_m: f64,
-    /// The other end.
+    /// Its upper end.
     pub hi_m: f64,
     hits: u32,
     sweeps: u32,
@@ -28,50 +30,40 @@ pub struct Candidate {
 
 /// The candidates.
 #[derive(Clone, Debug)]
-pub struct LandmarkInitializer {
+pub(crate) struct LandmarkInitializer {
     candidates: Vec<Candidate>,
+    params: InitializerParams,
 }
 
-impl Default for LandmarkInitializer {
-    fn default() -> Self {
-        Self { candidates: Vec::with_capacity(CAPACITY) }
-    }
-}
-
-const CAPACITY: usize = 64;
-/// A observation belongs to a candidate this near in offset and along the wall.
-const NEAR_M: f64 = 0.06;
-const REACH_M: f64 = 0.6;
-/// What makes a wall.
-const MIN_HITS: u32 = 6;
-const MIN_SWEEPS: u32 = 3;
-const MIN_EXTENT_M: f64 = 0.25;
-const MIN_TRAVEL_M: f64 = 0.06;
-const MAX_SCATTER_M: f64 = 0.028;
-/// Only sightings nearly within the cone make walls.
-const MAX_OBLIQUE_RAD: f64 = 16.0 * std::f64::consts::PI / 180.0;
-/// A candidate not seen for this many sweeps is forgotten.
-const PATIENCE: u64 = 60;
+/// Candidates held at most; the oldest gives way.
+const MAX_CANDIDATES: usize = 64;
 
 impl LandmarkInitializer {
-    /// Adds a observation that no wall explains; the candidate, once it has become a wall.
-    pub fn add(&mut self, observation: &WallObservation, sweep: u64) -> Option<Candidate> {
-        if observation.oblique_rad > MAX_OBLIQUE_RAD {
+    /// No candidates yet.
+    #[must_use]
+    pub(crate) fn new(params: InitializerParams) -> Self {
+        Self { candidates: Vec::with_capacity(MAX_CANDIDATES), params }
+    }
+
+    /// Adds an observation that no wall explains. Returns the candidate once it is a wall.
+    pub(crate) fn add(&mut self, observation: &WallObservation, sweep: u64) -> Option<Candidate> {
+        let params = &self.params;
+        if observation.oblique_rad > params.max_oblique_rad {
             return None;
         }
         let offset_m = observation.offset_m();
-        let sensor_m = observation.foot_m;
-        self.candidates.retain(|candidate| candidate.last_sweep + PATIENCE >= sweep);
+        let sensor_m = observation.sensor_along_m;
+        self.candidates.retain(|candidate| candidate.last_sweep + params.max_idle_sweeps >= sweep);
         let nearest = self
             .candidates
             .iter_mut()
             .enumerate()
-            .filter(|(_, c)| c.side == observation.side && c.reaches(observation.along_m))
+            .filter(|(_, c)| c.side == observation.side && c.reaches(observation.along_m, params.reach_m))
             .map(|(index, c)| ((c.offset_m - offset_m).abs(), index))
-            .filter(|(gap_m, _)| *gap_m < NEAR_M)
+            .filter(|(gap_m, _)| *gap_m < params.near_m)
             .min_by(|a, b| a.0.total_cmp(&b.0));
         let Some((_, index)) = nearest else {
-            if self.candidates.len() == CAPACITY {
+            if self.candidates.len() == MAX_CANDIDATES {
                 let oldest = self.candidates.iter().enumerate().min_by_key(|(_, c)| c.last_sweep).map_or(0, |(i, _)| i);
                 self.candidates.swap_remove(oldest);
             }
@@ -91,18 +83,18 @@ impl LandmarkInitializer {
         };
         let candidate = &mut self.candidates[index];
         candidate.extend(offset_m, observation.along_m, sensor_m, sweep);
-        candidate.is_wall().then(|| self.candidates.swap_remove(index))
+        candidate.is_wall(params).then(|| self.candidates.swap_remove(index))
     }
 
     /// Forgets all candidates.
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.candidates.clear();
     }
 }
 
 impl Candidate {
-    fn reaches(&self, along_m: f64) -> bool {
-        along_m > self.lo_m - REACH_M && along_m < self.hi_m + REACH_M
+    fn reaches(&self, along_m: f64, reach_m: f64) -> bool {
+        along_m > self.lo_m - reach_m && along_m < self.hi_m + reach_m
     }
 
     fn extend(&mut self, offset_m: f64, along_m: f64, sensor_m: f64, sweep: u64) {
@@ -118,11 +110,49 @@ impl Candidate {
         self.sensor_hi_m = self.sensor_hi_m.max(sensor_m);
     }
 
-    fn is_wall(&self) -> bool {
-        self.hits >= MIN_HITS
-            && self.sweeps >= MIN_SWEEPS
-            && self.hi_m - self.lo_m >= MIN_EXTENT_M
-            && self.sensor_hi_m - self.sensor_lo_m >= MIN_TRAVEL_M
-            && self.scatter_m2 / f64::from(self.hits) <= MAX_SCATTER_M * MAX_SCATTER_M
+    fn is_wall(&self, params: &InitializerParams) -> bool {
+        self.hits >= params.min_hits
+            && self.sweeps >= params.min_sweeps
+            && self.hi_m - self.lo_m >= params.min_extent_m
+            && self.sensor_hi_m - self.sensor_lo_m >= params.min_travel_m
+            && self.scatter_m2 / f64::from(self.hits) <= params.max_scatter_m * params.max_scatter_m
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Pose2;
+    use crate::position::beam_model::observe_wall;
+    use crate::position::params::BeamParams;
+    use crate::sweep::Beam;
+
+    /// Drives along y at 5 cm a sweep; each sweep's beam toward +x measures `range_m` of the position along y.
+    fn drive(range_m: impl Fn(f64) -> f64) -> Option<Candidate> {
+        let mut initializer = LandmarkInitializer::new(InitializerParams::default());
+        (0u32..20).find_map(|sweep| {
+            let y_m = 0.05 * f64::from(sweep);
+            let beam = Beam {
+                range_m: range_m(y_m),
+                no_measurement: None,
+                age_s: 0.0,
+                robot_from_sensor: Pose2::default(),
+                half_angle_rad: 0.2,
+            };
+            let observation = observe_wall(&BeamParams::default(), Pose2::new(0.0, y_m, 0.0), &beam)?;
+            initializer.add(&observation, u64::from(sweep))
+        })
+    }
+
+    #[test]
+    fn a_wall_keeps_its_offset_and_becomes_a_landmark() {
+        let wall = drive(|_| 1.5).unwrap();
+        assert!((wall.offset_m - 1.5).abs() < 1e-12 && wall.lo_m.abs() < 1e-12, "{wall:?}");
+        assert!(wall.hi_m >= InitializerParams::default().min_extent_m, "{wall:?}");
+    }
+
+    #[test]
+    fn a_slanted_surface_becomes_none() {
+        assert!(drive(|y_m| 1.5 + 0.6 * y_m).is_none());
     }
 }

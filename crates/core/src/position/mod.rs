@@ -1,15 +1,16 @@
-//! Position: the filters that follow the robot.
+//! Position: EKF-SLAM over pose, wheels and wall offsets.
 
-pub mod beam_model;
-pub mod ekf_slam;
+pub(crate) mod beam_model;
+pub(crate) mod ekf_slam;
 mod ekf_slam_state;
-pub mod filter;
+pub(crate) mod filter;
 mod filter_state;
 mod inactive_landmarks;
 mod innovation_whiteness;
-pub mod landmark_initializer;
-pub mod localization_monitor;
-pub mod relocalize;
+pub(crate) mod landmark_initializer;
+pub(crate) mod localization_monitor;
+pub(crate) mod params;
+pub(crate) mod relocalize;
 mod relocation;
 mod segments;
 mod symmetric;

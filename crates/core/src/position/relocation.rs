@@ -1,23 +1,20 @@
-//! What a tracker does when its place is in doubt.
+//! What the filter does when the robot may be lost.
 
-use super::ekf_slam::{EkfSlam, WELL_KNOWN, WallLandmark};
+use super::ekf_slam::{EkfSlam, WallLandmark};
 use super::localization_monitor::LocalizationMonitor;
 use super::relocalize::KnownWall;
 use crate::geometry::Pose2;
 
-/// What a place found anew is worth.
-const RELOCALIZED_SIGMA_M: f64 = 0.05;
-const RELOCALIZED_SIGMA_RAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
-
 impl EkfSlam {
-    /// Whether what is heard agrees with the walls.
+    /// Whether readings and map agree.
     #[must_use]
     pub fn monitor(&self) -> &LocalizationMonitor {
         &self.monitor
     }
 
-    /// Every well-known wall that was learnt before the sweep `until`, or by an earlier run.
+    /// Every well-known wall from before the sweep `until` or from a saved state.
     pub fn known_walls(&self, until: u64) -> impl Iterator<Item = KnownWall> {
+        let well_known = self.params.slam.well_known_hits;
         let known = move |wall: &WallLandmark, offset_m| KnownWall {
             side: wall.side,
             offset_m,
@@ -25,11 +22,11 @@ impl EkfSlam {
             hi_m: wall.hi_m,
         };
         self.every_wall()
-            .filter(move |(wall, ..)| wall.hits >= WELL_KNOWN && !wall.is_since(until))
+            .filter(move |(wall, ..)| wall.hits >= well_known && !wall.is_since(until))
             .map(move |(wall, offset_m, _)| known(wall, offset_m))
     }
 
-    /// The robot is elsewhere: what was learnt from the sweep `since` on is void.
+    /// Moves the robot to `pose` and removes the walls that were initialized from the sweep `since` on.
     pub fn relocate(&mut self, pose: Pose2, since: u64) {
         for wall in (0..self.walls.len()).rev() {
             if self.walls[wall].is_since(since) {
@@ -39,17 +36,18 @@ impl EkfSlam {
         }
         self.initializer.clear();
         self.associations.clear();
-        self.filter.relocate(pose, RELOCALIZED_SIGMA_M, RELOCALIZED_SIGMA_RAD);
+        let params = &self.params.slam;
+        self.filter.relocate(pose, params.relocalized_sigma_m, params.relocalized_sigma_rad);
     }
 
-    /// Forgets what contradicted the map.
+    /// Forgets the readings that contradicted the map.
     pub fn reset_monitor(&mut self) {
-        self.monitor = LocalizationMonitor::default();
+        self.monitor.reset();
     }
 }
 
 impl WallLandmark {
-    /// True where this run has learnt it from this sweep on.
+    /// True where this run initialized it in this sweep or later.
     fn is_since(&self, sweep: u64) -> bool {
         self.first_sweep.is_some_and(|first| first >= sweep)
     }

@@ -1,10 +1,10 @@
-//! All the tracker's walls, and what they are as pieces of lines.
+//! All walls as line segments.
 
 use super::ekf_slam::{EkfSlam, WallLandmark};
 use crate::geometry::Segment;
 
 impl EkfSlam {
-    /// Every wall, in the filter's observe_wall or out of it, with its offset (metres) and that one's variance.
+    /// Every wall, in the filter or out of it, with its offset (metres) and the offset's variance.
     pub(super) fn every_wall(&self) -> impl Iterator<Item = (&WallLandmark, f64, f64)> {
         let near = self.walls.iter().enumerate();
         let near = near.map(|(index, wall)| (wall, self.filter.offset_m(index), self.filter.wall_variance(index)));
@@ -12,7 +12,7 @@ impl EkfSlam {
         near.chain(far)
     }
 
-    /// Every wall as far as it has been seen.
+    /// Every wall as far as it has been observed.
     pub fn segments(&self) -> impl Iterator<Item = Segment> {
         self.every_wall().map(|(wall, offset_m, variance)| Segment {
             from: wall.side.join(offset_m, wall.lo_m),

@@ -44,7 +44,7 @@ impl Stages {
 
 /// The point of a known wall that a return may come from: on the wall's line, within its extent or a little beyond.
 fn wall_hit(ekf: &EkfSlam, pose: Placement, beam: &Beam, params: &Params) -> Option<(Point, WallNormal)> {
-    let observation = observe_wall(pose, beam)?;
+    let observation = observe_wall(&ekf.params().beam, pose, beam)?;
     let off_m = |(index, _): &(usize, &WallLandmark)| (ekf.filter.offset_m(*index) - observation.offset_m()).abs();
     // A square hit beyond the wall's end would be the end itself, somewhere in the cone.
     let beyond_m = if observation.oblique_rad > 0.0 { params.beyond_wall_end_m } else { 0.0 };

@@ -7,6 +7,7 @@ use super::odometry_outage::unknown_within;
 use super::params::Params;
 use crate::geometry::Pose2;
 use crate::orientation::dominant_directions::{Axis, DominantDirections};
+use crate::position;
 use crate::position::relocalize::{self, KnownWall};
 use crate::sweep::{Beam, Sweep};
 use crate::time::Timestamp;
@@ -87,6 +88,7 @@ impl Relocalizer {
         &self,
         odometry: Pose2,
         finder: &mut DominantDirections,
+        position: &position::params::Params,
         walls: impl Iterator<Item = KnownWall>,
         params: &Params,
     ) -> Option<Pose2> {
@@ -97,7 +99,7 @@ impl Relocalizer {
         self.returns.iter().for_each(|(pose, beam)| finder.add(*pose, beam));
         let axis = finder.find().filter(Axis::is_believed);
         finder.clear();
-        let found = relocalize::find(&self.returns, walls, axis?.angle_rad)?;
+        let found = relocalize::find(position, &self.returns, walls, axis?.angle_rad)?;
         Some(found.correction * self.map_from_odom * odometry)
     }
 

@@ -65,7 +65,7 @@ fn search(
     let ekf = &mut robot.ekf;
     let before = ekf.filter.pose();
     let walls = ekf.known_walls(relocalizer.since_sweep);
-    if let Some(pose) = relocalizer.find(sweep.odometry, finder, walls, params) {
+    if let Some(pose) = relocalizer.find(sweep.odometry, finder, ekf.params(), walls, params) {
         let moved_m = (pose.position() - before.position()).norm();
         let turned_rad = wrap_angle(pose.theta_rad - before.theta_rad);
         if moved_m > params.same_pose_m || turned_rad.abs() > params.same_pose_rad {

@@ -7,11 +7,8 @@
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
 use allocation_counter::measure;
-use slamd_capture::{CaptureReader, Record};
-use slamd_core::config::Config;
-use slamd_core::event::{Event, Input, Output};
-use slamd_core::pipeline::Pipeline;
-use slamd_core::time::Timestamp;
+use slamd_capture::CaptureReader;
+use slamd_core::{Config, Event, Input, Output, Pipeline, Timestamp};
 
 /// By then the ring and the axis are known, and the clock's windows of a minute are as long as they get.
 const WARM_UP_S: f64 = 65.0;
@@ -51,7 +48,7 @@ fn allocating(capture: &str) -> (u64, Vec<String>) {
     let path = slamd_testkit::root().join("replay").join(capture);
     let mut capture = CaptureReader::open(&path).unwrap();
     let config = Config::from_toml(&capture.info().config_toml).unwrap();
-    let mut pipeline = slamd_paper::pipeline(&config, slamd_core::pipeline::Start::Fresh).unwrap();
+    let mut pipeline = slamd_paper::pipeline(&config, slamd_core::Start::Fresh).unwrap();
     let (mut sweeps, mut complaints, mut before) = (0, Vec::new(), 0);
     let mut look = |pipeline: &mut Pipeline, at: Timestamp, input: Input<'_>| {
         let caused = cause(pipeline, input);

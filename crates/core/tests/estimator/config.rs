@@ -2,7 +2,10 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use slamd_core::config::{Config, Key, Shape, values};
+use slamd_core::{
+    Config,
+    config::{Key, Shape, values},
+};
 use slamd_protocol::Setting;
 
 #[test]

@@ -2,13 +2,10 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use slamd_core::config::Config;
-use slamd_core::driver::{Driver, Update};
-use slamd_core::event::{Event, FaultEvent, FaultKind, SensorState};
-use slamd_core::fault::detector::Detector;
-use slamd_core::geometry::Ring;
-use slamd_core::sweep::{Beam, NoMeasurement, Sweep};
-use slamd_core::time::Timestamp;
+use slamd_core::{
+    Beam, Config, Driver, Event, FaultEvent, FaultKind, NoMeasurement, Ring, SensorState, Sweep, Timestamp, Update,
+    stages::Detector,
+};
 use slamd_metrics::{Detection, FaultMeter, TrueFault, quantile};
 use slamd_sim::fault::FaultMix;
 use slamd_sim::link::LinkFaults;
@@ -35,7 +32,7 @@ fn run(sensors: u8, seed: u64, duration_s: f64, faults: &[&str]) -> Run {
         clock_drift_ppm: 300.0,
         link: LinkFaults::default(),
     });
-    let pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh).unwrap();
+    let pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::Start::Fresh).unwrap();
     let mut driver = Driver::new(pipeline);
     let mut run = Run { faults: Vec::new(), first_estimate_s: f64::INFINITY };
     for record in session(simulation) {

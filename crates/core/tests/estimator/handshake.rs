@@ -3,11 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
 use slamd_capture::Record;
-use slamd_core::config::Config;
-use slamd_core::event::{Event, Input, Output};
-use slamd_core::geometry::Pose2;
-use slamd_core::pipeline::Pipeline;
-use slamd_core::time::Timestamp;
+use slamd_core::{Config, Event, Input, Output, Pipeline, Pose2, Timestamp};
 use slamd_protocol::{FrameDecoder, FrameEncoder, Hello, Message, Setting, Text};
 use slamd_sim::board::Board;
 use slamd_sim::fault::FaultMix;
@@ -47,7 +43,7 @@ impl Rig {
         });
         Self {
             simulation,
-            pipeline: slamd_paper::pipeline(config, slamd_core::pipeline::Start::Fresh).unwrap(),
+            pipeline: slamd_paper::pipeline(config, slamd_core::Start::Fresh).unwrap(),
             now_us: 0,
             joined: true,
             events: Vec::new(),
@@ -222,7 +218,7 @@ fn hello() -> Hello {
 
 /// What a pipeline says after HELLO.
 fn told(hello: Hello) -> Vec<Event> {
-    let mut pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh).unwrap();
+    let mut pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::Start::Fresh).unwrap();
     let frame = FrameEncoder::default().encode(&Message::Hello(hello));
     pipeline.handle(Input::Received { at: Timestamp::from_us(1000), bytes: &frame });
     let outputs = std::iter::from_fn(|| pipeline.poll_output());
@@ -263,7 +259,7 @@ fn another_major_version_says_which_side_to_update() {
 
 #[test]
 fn the_simulated_board_acknowledges() {
-    let ring = slamd_core::geometry::Ring::circle(8, 0.1, 0.2, 4);
+    let ring = slamd_core::Ring::circle(8, 0.1, 0.2, 4);
     let random = slamd_sim::random::Random::new(1, slamd_sim::random::Stream::Board);
     let mut board = Board::new(ring, 0.0, random);
     let mut encoder = FrameEncoder::default();

@@ -2,9 +2,10 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use slamd_core::board::Board;
-use slamd_core::link::{Link, LinkChange, LinkState, Reception, Remedy, USUAL_BAUDS};
-use slamd_core::time::Timestamp;
+use slamd_core::{
+    Board, Timestamp,
+    link::{Link, LinkChange, LinkState, Reception, Remedy, USUAL_BAUDS},
+};
 use slamd_protocol::{Hello, Text};
 
 struct Bench {

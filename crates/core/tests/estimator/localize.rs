@@ -1,4 +1,4 @@
-//! Where am I? A short version of `cargo bench --bench localize`.
+//! Where am I? A short version of `cargo xtask localize`.
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 

@@ -3,9 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
 use slamd_capture::Record;
-use slamd_core::config::Config;
-use slamd_core::driver::{Driver, Update};
-use slamd_core::event::{Event, LocalizationChange, LocalizationEvent};
+use slamd_core::{Config, Driver, Event, LocalizationChange, LocalizationEvent, Update};
 use slamd_metrics::AccuracyMeter;
 use slamd_protocol::{FrameDecoder, FrameEncoder, Message};
 use slamd_sim::fault::FaultMix;
@@ -50,7 +48,7 @@ fn slipped(records: impl Iterator<Item = Record>) -> Vec<Record> {
 
 /// The lock's changes, and the greatest error after the last of them, metres.
 fn drive(records: &[Record]) -> (Vec<LocalizationEvent>, f64) {
-    let pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh).unwrap();
+    let pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::Start::Fresh).unwrap();
     let mut driver = Driver::new(pipeline);
     let (mut changes, mut worst_m, mut meter) = (Vec::new(), 0.0_f64, AccuracyMeter::default());
     let mut first = None;

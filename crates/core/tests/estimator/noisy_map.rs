@@ -3,9 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
 use slamd_capture::Record;
-use slamd_core::config::Config;
-use slamd_core::event::{Event, Input, Output};
-use slamd_core::time::Timestamp;
+use slamd_core::{Config, Event, Input, Output, Timestamp};
 use slamd_metrics::AccuracyMeter;
 use slamd_sim::fault::FaultMix;
 use slamd_sim::link::LinkFaults;
@@ -35,7 +33,7 @@ fn drive(link: LinkFaults) -> Drive {
         clock_drift_ppm: 300.0,
         link,
     });
-    let mut pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh).unwrap();
+    let mut pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::Start::Fresh).unwrap();
     let mut meter = AccuracyMeter::default();
     for ms in (0..120_000).step_by(5) {
         let now = Timestamp::from_us(ms * 1_000);

@@ -3,11 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
 use slamd_capture::Record;
-use slamd_core::config::Config;
-use slamd_core::event::Event;
-use slamd_core::geometry::Pose2;
-use slamd_core::pipeline::{Pipeline, Start};
-use slamd_core::saved_state::SavedState;
+use slamd_core::{Config, Event, Pipeline, Pose2, SavedState, Start};
 use slamd_sim::fault::FaultMix;
 use slamd_testkit::known_building::{Truths, drive, feed, world};
 
@@ -51,12 +47,12 @@ impl Half {
 fn the_second_half_goes_on_where_the_first_ended() {
     let records: Vec<Record> = drive(world("flat"), 4, 2.0 * HALF_S, FaultMix::Paper).collect();
     let (mut whole, mut first, mut second) = (Half::default(), Half::default(), Half::default());
-    let mut pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh).unwrap();
+    let mut pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::Start::Fresh).unwrap();
     for record in &records {
         whole.take(&mut pipeline, record, record.at().seconds() > HALF_S);
     }
 
-    let mut before = slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh).unwrap();
+    let mut before = slamd_paper::pipeline(&Config::default(), slamd_core::Start::Fresh).unwrap();
     for record in records.iter().take_while(|record| record.at().seconds() <= HALF_S) {
         first.take(&mut before, record, false);
     }
@@ -75,7 +71,7 @@ fn the_second_half_goes_on_where_the_first_ended() {
     }
     assert_eq!(after.raster(), before.raster(), "the map is the same to the bit");
     assert_eq!(after.states(), before.states(), "and so is what is known of the sensors");
-    let faulty = before.states().iter().filter(|state| **state != slamd_core::event::SensorState::Healthy).count();
+    let faulty = before.states().iter().filter(|state| **state != slamd_core::SensorState::Healthy).count();
     assert!(faulty >= 6 && second.faults.len() == faulty, "{faulty} faulty, {:?} told", second.faults);
     for record in records.iter().filter(|record| record.at().seconds() > HALF_S) {
         second.take(&mut after, record, true);
@@ -87,12 +83,12 @@ fn the_second_half_goes_on_where_the_first_ended() {
 
 #[test]
 fn a_paper_run_refuses_a_memory() {
-    let mut pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::pipeline::Start::Fresh).unwrap();
+    let mut pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::Start::Fresh).unwrap();
     let mut nothing = Half::default();
     for record in drive(world("flat"), 5, 20.0, FaultMix::None) {
         nothing.take(&mut pipeline, &record, false);
     }
-    let config = Config { method: slamd_core::config::Method::Paper, ..Config::default() };
+    let config = Config { method: slamd_core::Method::Paper, ..Config::default() };
     let memory = Box::new(pipeline.saved_state().unwrap());
     let error = slamd_paper::pipeline(&config, Start::Resume(memory.clone())).unwrap_err();
     assert!(error.to_string().contains("paper"), "{error}");

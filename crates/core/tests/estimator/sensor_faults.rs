@@ -1,8 +1,8 @@
-//! A few of the drives of `benches/sensor_faults.rs`: broken sensors cost little, broken encoders are named, and no certain pose is wrong.
+//! A few of the drives of `cargo xtask sensor-faults`: broken sensors cost little, broken encoders are named, and no certain pose is wrong.
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use slamd_core::event::{EncoderState, LocalizationChange, SensorState, Wheel};
+use slamd_core::{EncoderState, LocalizationChange, SensorState, Wheel};
 use slamd_testkit::broken::{Drive, Outcome};
 
 fn with_encoder(fault: &str, seconds: f64) -> Outcome {

@@ -2,9 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use slamd_core::align::Aligner;
-use slamd_core::config::Config;
-use slamd_core::time::Timestamp;
+use slamd_core::{Config, Timestamp, stages::Aligner};
 use slamd_protocol::Encoder;
 
 #[test]

@@ -1,6 +1,6 @@
 //! What is simulated in one row of the accuracy table, and which rows there are.
 
-use slamd_core::config::Method;
+use slamd_core::Method;
 use slamd_sim::fault::FaultMix;
 use slamd_sim::sonar::BeamShape;
 use slamd_sim::world::World;

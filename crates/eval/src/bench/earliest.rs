@@ -1,9 +1,8 @@
-//! The earliest that a saturated sensor can be told from a healthy one: when a healthy one in its place would have heard something.
+//! The earliest time at which a saturated sensor differs from a healthy one: when a healthy one at its mounting would have received an echo.
 
 use super::case::Case;
 use slamd_capture::Record;
-use slamd_core::event::FaultKind;
-use slamd_core::geometry::Ring;
+use slamd_core::{FaultKind, Ring};
 use slamd_metrics::TrueFault;
 use slamd_sim::world::World;
 
@@ -29,8 +28,7 @@ pub fn earliest_s(case: &Case, world: &World, records: &[Record], ring: &Ring, f
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slamd_core::geometry::{Point, Pose2};
-    use slamd_core::time::Timestamp;
+    use slamd_core::{Point, Pose2, Timestamp};
     use slamd_sim::world::Segment;
 
     #[test]

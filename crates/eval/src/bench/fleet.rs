@@ -6,7 +6,7 @@ use slamd_sim::world::World;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Drives every case with every seed. `done` hears of each drive as it ends, in no order. The result holds the runs of each case by seed.
+/// Drives every case with every seed. Calls `done` as each drive ends, in any order. Returns the runs of each case by seed.
 ///
 /// # Errors
 /// Where a world cannot be read.
@@ -28,10 +28,10 @@ pub fn drive_all(cases: &[Case], seeds: &[u64], done: impl Fn(&Case, &Run) + Syn
                     else {
                         break;
                     };
-                    let place = job / seeds.len();
-                    let run = run(case, &worlds[place], seed);
+                    let index = job / seeds.len();
+                    let run = run(case, &worlds[index], seed);
                     done(case, &run);
-                    runs[place].lock().expect("no drive panics").push(run);
+                    runs[index].lock().expect("no drive panics").push(run);
                 }
             });
         }

@@ -5,12 +5,10 @@ use super::fleet::drive_all;
 use super::machine;
 use super::raw::raw_map;
 use super::run::{Drive, Run, follow, simulate};
-use slamd_core::config::Method;
-use slamd_core::event::Estimate;
-use slamd_core::geometry::{Point, Pose2, wrap_angle};
+use crate::plot::{Curve, Plot, to_png};
+use slamd_core::{Estimate, Method, Point, Pose2, wrap_angle};
 use slamd_metrics::Pair;
 use slamd_metrics::quantile;
-use slamd_publish::{Curve, Plot};
 use std::fmt::Write as _;
 use std::io;
 
@@ -40,7 +38,7 @@ pub fn cases() -> Vec<Case> {
     cases.collect()
 }
 
-/// Drives, draws and writes; `done` hears of each drive, `folder` is where the page finds its pictures.
+/// Drives, draws and writes. Calls `done` after each drive; `folder` is where the page finds its pictures.
 ///
 /// # Errors
 /// Where a picture cannot be made.
@@ -58,7 +56,7 @@ pub fn page(seeds: &[u64], folder: &str, command: &str, done: impl Fn() + Sync) 
     let world = home.load_world().map_err(io::Error::other)?;
     let (records, faults) = simulate(&home, &world, FIGURE_SEED);
     let (broken, _) = follow(&home, &world, &records, faults);
-    pictures.push(("figure-6-breaks.png", map_plot("The same in the flat of 12 x 10 m", &broken).to_png()?));
+    pictures.push(("figure-6-breaks.png", to_png(&[map_plot("The same in the flat of 12 x 10 m", &broken)])?));
     let mut markdown = head(command, &drive, folder);
     markdown += &verdicts(&cases, &runs);
     Ok(Page { markdown, pictures })
@@ -79,11 +77,11 @@ fn figures(drive: &Drive, raw: Vec<Point>) -> io::Result<Vec<(&'static str, Vec<
         ..Plot::default()
     };
     Ok(vec![
-        ("figure-1-raw-map.png", raw.to_png()?),
-        ("figure-2-theta.png", over_time("Heading", "theta [deg]", turned(drive)).to_png()?),
-        ("figure-3-x.png", over_time("Position along x", "x [m]", series(drive, |pose| pose.x_m)).to_png()?),
-        ("figure-4-y.png", over_time("Position along y", "y [m]", series(drive, |pose| pose.y_m)).to_png()?),
-        ("figure-5-final-map.png", map_plot("Final map", drive).to_png()?),
+        ("figure-1-raw-map.png", to_png(&[raw])?),
+        ("figure-2-theta.png", to_png(&[over_time("Heading", "theta [deg]", turned(drive))])?),
+        ("figure-3-x.png", to_png(&[over_time("Position along x", "x [m]", series(drive, |pose| pose.x_m))])?),
+        ("figure-4-y.png", to_png(&[over_time("Position along y", "y [m]", series(drive, |pose| pose.y_m))])?),
+        ("figure-5-final-map.png", to_png(&[map_plot("Final map", drive)])?),
     ])
 }
 
@@ -125,9 +123,9 @@ fn over_time(title: &str, y_label: &'static str, [truth, estimated, measured]: [
         x_label: "time [s]",
         y_label,
         curves: vec![
-            Curve { name: "measured (encoders)", ink: MEASURED, is_dashed: false, points: measured },
-            Curve { name: "estimated", ink: ESTIMATED, is_dashed: false, points: estimated },
-            Curve { name: "true", ink: TRUE, is_dashed: true, points: truth },
+            Curve { name: "measured (encoders)", rgb: MEASURED, is_dashed: false, points: measured },
+            Curve { name: "estimated", rgb: ESTIMATED, is_dashed: false, points: estimated },
+            Curve { name: "true", rgb: TRUE, is_dashed: true, points: truth },
         ],
         ..Plot::default()
     }
@@ -147,8 +145,8 @@ fn map_plot(title: &str, drive: &Drive) -> Plot {
         y_label: "y [m]",
         map: Some(drive.pipeline().raster()),
         curves: vec![
-            Curve { name: "estimated path", ink: ESTIMATED, is_dashed: false, points: estimated },
-            Curve { name: "true path", ink: TRUE, is_dashed: true, points: truth },
+            Curve { name: "estimated path", rgb: ESTIMATED, is_dashed: false, points: estimated },
+            Curve { name: "true path", rgb: TRUE, is_dashed: true, points: truth },
         ],
         ..Plot::default()
     }
@@ -208,9 +206,9 @@ first pose only. \"Holds\": no drive is lost.
         let lost = |runs: &[Run]| runs.iter().filter(|run| run.is_ever_lost()).count();
         let faults = super::table::pooled(paper);
         let words = ["world", "beam", "odometry"].map(|key| case.value(key));
-        let place = format!("{} with {} beams and odometry {}", words[0], words[1], words[2]);
+        let setting = format!("{} with {} beams and odometry {}", words[0], words[1], words[2]);
         let verdict = if lost(paper) == 0 { ("holds", &mut holds) } else { ("breaks", &mut breaks) };
-        verdict.1.push(place);
+        verdict.1.push(setting);
         let _ = writeln!(
             text,
             "| {} | {:.2} / {:.2} | {:.1} | {} of {} | {:.2} / {:.2} | {:.2} / {:.2} | {} of {} | {} |",
@@ -229,7 +227,7 @@ first pose only. \"Holds\": no drive is lost.
             verdict.0,
         );
     }
-    let list = |places: &[String]| if places.is_empty() { "nowhere".into() } else { places.join("; ") };
+    let list = |settings: &[String]| if settings.is_empty() { "nowhere".into() } else { settings.join("; ") };
     let _ = write!(text, "\nIt holds: {}.\n\nIt breaks: {}.\n{REASONS}", list(&holds), list(&breaks));
     text
 }
@@ -249,6 +247,6 @@ Why, as far as the method itself tells:
 `walls`, the default, is what was made of this: see [accuracy.md](accuracy.md).
 ";
 
-const MEASURED: [u8; 4] = [224, 140, 52, 255];
-const ESTIMATED: [u8; 4] = [38, 118, 204, 255];
-const TRUE: [u8; 4] = [24, 24, 32, 255];
+const MEASURED: [u8; 3] = [224, 140, 52];
+const ESTIMATED: [u8; 3] = [38, 118, 204];
+const TRUE: [u8; 3] = [24, 24, 32];

@@ -1,11 +1,10 @@
 //! The raw map: every reading where the encoders alone put it, as the paper's Figure 1.
 
 use slamd_capture::Record;
-use slamd_core::align::Aligner;
-use slamd_core::align::track::Wheels;
-use slamd_core::config::Config;
-use slamd_core::geometry::{Point, Pose2, Ring};
-use slamd_core::sweep::Sweep;
+use slamd_core::{
+    Config, Point, Pose2, Ring, Sweep,
+    stages::{Aligner, Wheels},
+};
 use slamd_protocol::{FrameDecoder, Message};
 use slamd_sim::robot::TICKS_PER_TURN;
 use std::f64::consts::TAU;

@@ -3,12 +3,7 @@
 use super::case::Case;
 use super::earliest::earliest_s;
 use rustix::time::{ClockId, clock_gettime};
-use slamd_core::config::{Config, Method};
-use slamd_core::driver::{Driver, Record, Update};
-use slamd_core::event::{Estimate, Event};
-use slamd_core::geometry::Pose2;
-use slamd_core::pipeline::{Pipeline, Start};
-use slamd_core::time::Timestamp;
+use slamd_core::{Config, Driver, Estimate, Event, Method, Pipeline, Pose2, Record, Start, Timestamp, Update};
 use slamd_metrics::{
     Accuracy, AccuracyMeter, Detection, FaultMeter, MapMeter, MapQuality, Pair, Pairing, TrueFault, building_frame,
     mean_nees,

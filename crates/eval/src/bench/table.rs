@@ -2,7 +2,7 @@
 
 use super::case::Case;
 use super::run::Run;
-use slamd_core::event::FaultKind;
+use slamd_core::FaultKind;
 use slamd_metrics::{Detection, quantile};
 use std::fmt::Write as _;
 

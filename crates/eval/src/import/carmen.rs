@@ -13,9 +13,8 @@
 //! is used, the other skipped. Line order is the order of acquisition.
 
 use super::recorder::{Recorder, Summary};
-use super::{ImportError, Line, WheelTicks};
-use slamd_core::config::Config;
-use slamd_core::geometry::Pose2;
+use super::{ImportError, SourceLine, WheelTicks};
+use slamd_core::{Config, Pose2};
 use std::io::BufRead;
 use std::path::Path;
 
@@ -36,7 +35,7 @@ pub fn import(input: impl BufRead, file: &str, config: &Config, capture: &Path) 
     for (number, line) in (1..).zip(input.lines()) {
         let text = line.map_err(|source| ImportError::Io { file: file.into(), source })?;
         let fields: Vec<&str> = text.split_whitespace().collect();
-        log.line(Line { file, number }, &fields)?;
+        log.line(SourceLine { file, number }, &fields)?;
     }
     if log.recorder.summary.rows == 0 {
         return Err(ImportError::Empty { file: file.into(), expected: "FLASER or SONAR lines" });
@@ -69,7 +68,7 @@ impl Log {
         })
     }
 
-    fn line(&mut self, line: Line<'_>, fields: &[&str]) -> Result<(), ImportError> {
+    fn line(&mut self, line: SourceLine<'_>, fields: &[&str]) -> Result<(), ImportError> {
         match fields.first() {
             Some(&"ODOM") => {
                 let ticks = self.wheels.at(pose(line, fields, 1)?);
@@ -86,7 +85,7 @@ impl Log {
         Ok(())
     }
 
-    fn ranges(&mut self, line: Line<'_>, fields: &[&str], is_sonar: bool) -> Result<(), ImportError> {
+    fn ranges(&mut self, line: SourceLine<'_>, fields: &[&str], is_sonar: bool) -> Result<(), ImportError> {
         let expected = "the number of ranges, at least 1 (for SONAR that of the configured sensors)";
         let count: usize = line.value(fields, 1, expected)?;
         if count == 0 || count > MAX_BEAMS || (is_sonar && count != self.looks_deg.len()) {
@@ -124,7 +123,7 @@ impl Log {
 const SECONDS: &str = "a time stamp in seconds";
 
 /// Three fields from `column`, from 0.
-fn pose(line: Line<'_>, fields: &[&str], column: usize) -> Result<Pose2, ImportError> {
+fn pose(line: SourceLine<'_>, fields: &[&str], column: usize) -> Result<Pose2, ImportError> {
     let field = |at, what| line.number(fields, column + at, what);
     Ok(Pose2::new(
         field(0, "the pose's x in metres")?,
@@ -141,8 +140,8 @@ fn nearest_beam(bearing_deg: f64, count: usize) -> Option<usize> {
     }
     let share = (bearing_deg + 90.0) / 180.0;
     let last = count.checked_sub(1)? as f64;
-    let place = if count % 2 == 1 { share * last } else { share * count as f64 - 0.5 };
-    Some(place.round().clamp(0.0, last) as usize)
+    let index = if count % 2 == 1 { share * last } else { share * count as f64 - 0.5 };
+    Some(index.round().clamp(0.0, last) as usize)
 }
 
 #[cfg(test)]

@@ -63,12 +63,12 @@ pub enum ImportError {
 
 /// One line of a recording, for errors that say where.
 #[derive(Clone, Copy)]
-struct Line<'a> {
+struct SourceLine<'a> {
     file: &'a str,
     number: usize,
 }
 
-impl Line<'_> {
+impl SourceLine<'_> {
     /// The field at `column`, from 0, as a value.
     fn value<T: FromStr>(self, fields: &[&str], column: usize, expected: &str) -> Result<T, ImportError> {
         let field = fields.get(column).copied().unwrap_or_default().trim();

@@ -2,9 +2,7 @@
 
 use super::ImportError;
 use slamd_capture::{CaptureError, CaptureInfo, CaptureWriter};
-use slamd_core::config::Config;
-use slamd_core::geometry::{Mounting, Ring};
-use slamd_core::time::Timestamp;
+use slamd_core::{Config, Mounting, Ring, Timestamp};
 use slamd_protocol::{
     Echo, Encoder, FrameEncoder, Geometry, Hello, Message, Placement, SensorEcho, Sonar, Status, Text, VERSION_MAJOR,
     VERSION_MINOR,

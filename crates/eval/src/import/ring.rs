@@ -4,8 +4,8 @@
 //! as they stand; what exceeds the configured range is the pipeline's affair.
 
 use super::recorder::{Recorder, Summary};
-use super::{ImportError, Line};
-use slamd_core::config::Config;
+use super::{ImportError, SourceLine};
+use slamd_core::Config;
 use std::io::BufRead;
 use std::path::Path;
 
@@ -19,7 +19,7 @@ pub fn import(input: impl BufRead, file: &str, config: &Config, capture: &Path) 
     let mut recorder = Recorder::create(capture, config, format!("imported from the ring CSV {file}"))?;
     for (number, line) in (1..).zip(input.lines()) {
         let text = line.map_err(|source| ImportError::Io { file: file.into(), source })?;
-        let line = Line { file, number };
+        let line = SourceLine { file, number };
         let fields: Vec<&str> = text.trim_end().split(',').collect();
         if number == 1 {
             check_header(line, &fields, sensors)?;
@@ -36,7 +36,7 @@ pub fn import(input: impl BufRead, file: &str, config: &Config, capture: &Path) 
 const TICKS: &str = "a whole number of encoder ticks, or nothing";
 const LEADING: [&str; 3] = ["t_s", "left_ticks", "right_ticks"];
 
-fn check_header(line: Line<'_>, fields: &[&str], sensors: usize) -> Result<(), ImportError> {
+fn check_header(line: SourceLine<'_>, fields: &[&str], sensors: usize) -> Result<(), ImportError> {
     let names = LEADING.iter().map(ToString::to_string).chain((0..sensors).map(|sensor| format!("r{sensor}")));
     for (column, name) in names.enumerate() {
         let field = fields.get(column).copied().unwrap_or_default().trim();
@@ -48,7 +48,7 @@ fn check_header(line: Line<'_>, fields: &[&str], sensors: usize) -> Result<(), I
     check_end(line, fields, sensors)
 }
 
-fn check_end(line: Line<'_>, fields: &[&str], sensors: usize) -> Result<(), ImportError> {
+fn check_end(line: SourceLine<'_>, fields: &[&str], sensors: usize) -> Result<(), ImportError> {
     let columns = LEADING.len() + sensors;
     match fields.get(columns) {
         Some(field) => Err(line.error(field, columns, &format!("the end of the line: the ring has {sensors} sensors"))),
@@ -59,7 +59,7 @@ fn check_end(line: Line<'_>, fields: &[&str], sensors: usize) -> Result<(), Impo
     }
 }
 
-fn row(recorder: &mut Recorder, line: Line<'_>, fields: &[&str], sensors: usize) -> Result<(), ImportError> {
+fn row(recorder: &mut Recorder, line: SourceLine<'_>, fields: &[&str], sensors: usize) -> Result<(), ImportError> {
     check_end(line, fields, sensors)?;
     let t_s = line.number(fields, 0, "seconds")?;
     let ticks = [ticks(line, fields, 1)?, ticks(line, fields, 2)?];
@@ -69,11 +69,11 @@ fn row(recorder: &mut Recorder, line: Line<'_>, fields: &[&str], sensors: usize)
     Ok(recorder.sonar(ticks, &ranges_m)?)
 }
 
-fn ticks(line: Line<'_>, fields: &[&str], column: usize) -> Result<i32, ImportError> {
+fn ticks(line: SourceLine<'_>, fields: &[&str], column: usize) -> Result<i32, ImportError> {
     if is_empty(fields, column) { Ok(0) } else { line.value(fields, column, TICKS) }
 }
 
-fn range(line: Line<'_>, fields: &[&str], column: usize) -> Result<Option<f64>, ImportError> {
+fn range(line: SourceLine<'_>, fields: &[&str], column: usize) -> Result<Option<f64>, ImportError> {
     const EXPECTED: &str = "metres, at least 0, `inf` for no echo, or nothing for no measurement";
     if is_empty(fields, column) {
         return Ok(None);

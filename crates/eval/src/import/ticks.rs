@@ -1,7 +1,6 @@
 //! Poses of a recording → the encoder ticks that would have given them.
 
-use slamd_core::config::RobotConfig;
-use slamd_core::geometry::{Pose2, sinc, wrap_angle};
+use slamd_core::{Pose2, config::RobotConfig, sinc, wrap_angle};
 use std::f64::consts::TAU;
 
 /// Encoder ticks along a path of poses: an exact arc from each pose to the next.

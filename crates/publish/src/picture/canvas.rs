@@ -6,7 +6,7 @@ use tiny_skia::{
     Transform,
 };
 
-/// A place in the picture: pixels to the right and down.
+/// A point of the picture: pixels to the right and down.
 pub(super) type Pixel = (f64, f64);
 
 /// Red, green, blue and opacity.
@@ -111,13 +111,13 @@ impl Canvas {
     /// Writes words whose upper left corner is at `at`.
     pub(super) fn text(&mut self, at: Pixel, words: &str, ink: Ink) {
         let advance = get_raster_width(WEIGHT, SIZE);
-        for (place, letter) in words.chars().enumerate() {
+        for (index, letter) in words.chars().enumerate() {
             let Some(raster) = get_raster(letter, WEIGHT, SIZE).or_else(|| get_raster('?', WEIGHT, SIZE)) else {
                 continue;
             };
             for (row, intensities) in raster.rows().enumerate() {
                 for (column, &intensity) in intensities.iter().enumerate() {
-                    self.blend(at, (place * advance + column, row), ink, intensity);
+                    self.blend(at, (index * advance + column, row), ink, intensity);
                 }
             }
         }
@@ -128,7 +128,7 @@ impl Canvas {
         (words.chars().count() * get_raster_width(WEIGHT, SIZE)) as f64
     }
 
-    /// Draws lines and discs in a part of the picture: their places are counted from its upper left corner. Around it the picture is emptied.
+    /// Draws lines and discs in a part of the picture, in pixels from its upper left corner. Clears the picture around it.
     pub(super) fn within(&mut self, corner: (usize, usize), size: (usize, usize), draw: impl FnOnce(&mut Self)) {
         self.moved = Transform::from_translate(single(corner.0 as f64), single(corner.1 as f64));
         draw(self);
@@ -153,7 +153,7 @@ impl Canvas {
         let mut encoder = png::Encoder::new(&mut file, self.pixmap.width(), self.pixmap.height());
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_compression(png::Compression::Fast);
-        // The opacity is dropped in place: everything stands on an opaque ground, and there is no room for another picture on a small board.
+        // The opacity is dropped within the buffer: the ground is opaque, and a small board has no memory for a second picture.
         let mut bytes = self.pixmap.take();
         let pixels = bytes.len() / 4;
         (0..pixels).for_each(|pixel| bytes.copy_within(4 * pixel..4 * pixel + 3, 3 * pixel));
@@ -179,8 +179,8 @@ impl Canvas {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "text stands inside the picture")]
     fn blend(&mut self, (x, y): Pixel, (column, row): (usize, usize), ink: Ink, intensity: u8) {
         let (column, row) = (x.max(0.0) as usize + column, y.max(0.0) as usize + row);
-        let place = (u32::try_from(column), u32::try_from(row));
-        let below = if let (Ok(column), Ok(row)) = place { self.pixmap.pixel(column, row) } else { None };
+        let pixel = (u32::try_from(column), u32::try_from(row));
+        let below = if let (Ok(column), Ok(row)) = pixel { self.pixmap.pixel(column, row) } else { None };
         if let Some(below) = below {
             let mixed = mix([below.red(), below.green(), below.blue(), u8::MAX], ink, f64::from(intensity) / 255.0);
             self.set(column, row, mixed);

@@ -2,8 +2,7 @@
 
 use super::canvas::{Canvas, Ink, Pixel, mix};
 use crate::map_file::{FREE_PERCENT, OCCUPIED_PERCENT};
-use slamd_core::geometry::Point;
-use slamd_core::mapping::raster::Raster;
+use slamd_core::{Point, Raster};
 
 /// The part of a raster that is shown, and its scale.
 pub(super) struct Floor<'a> {

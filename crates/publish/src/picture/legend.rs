@@ -4,7 +4,7 @@ use super::canvas::{Canvas, Ink, Pen, TEXT_PX};
 use super::floor::Floor;
 use super::robot::{FAULTY, HEALTHY, RobotMark};
 use super::{ODOMETRY, PATH, Scene, TRUTH, draw_start};
-use slamd_core::event::SensorState;
+use slamd_core::SensorState;
 use std::f64::consts::FRAC_PI_2;
 
 /// Height of the strip, pixels.
@@ -17,7 +17,7 @@ pub(super) fn draw(canvas: &mut Canvas, top: f64, scene: &Scene<'_>, floor: &Flo
     let dial = RobotMark { ring: scene.ring, states: scene.states, body_px: 20.0, beam_px: 42.0 };
     dial.draw(canvas, (MARGIN_PX + 66.0, top + 72.0), FRAC_PI_2);
     let left = MARGIN_PX + 156.0;
-    let mut line = Line { canvas, x: left, y: top + 10.0 };
+    let mut line = LegendEntry { canvas, x: left, y: top + 10.0 };
     line.words(scene.robot_name, TEXT);
     line.words(&format!("{} sensors", scene.ring.len()), FAINT);
     let (words, ink) = verdict(scene.states);
@@ -43,13 +43,13 @@ pub(super) fn draw(canvas: &mut Canvas, top: f64, scene: &Scene<'_>, floor: &Flo
 }
 
 /// A line of words and samples, written from left to right.
-struct Line<'a> {
+struct LegendEntry<'a> {
     canvas: &'a mut Canvas,
     x: f64,
     y: f64,
 }
 
-impl Line<'_> {
+impl LegendEntry<'_> {
     fn words(&mut self, words: &str, ink: Ink) {
         let room_px = self.canvas.width_px() - MARGIN_PX - self.x;
         let mut shown = words.to_owned();

@@ -3,16 +3,12 @@
 mod canvas;
 mod floor;
 mod legend;
-mod plot;
 mod robot;
 
 use canvas::{Canvas, Ink, Pen};
 use floor::Floor;
-pub use plot::{Curve, Plot};
 use robot::RobotMark;
-use slamd_core::event::SensorState;
-use slamd_core::geometry::{Point, Pose2, Ring};
-use slamd_core::mapping::raster::Raster;
+use slamd_core::{Point, Pose2, Raster, Ring, SensorState};
 
 /// What the picture shows. All paths are in the map frame, metres.
 pub(super) struct Scene<'a> {
@@ -22,7 +18,7 @@ pub(super) struct Scene<'a> {
     pub(super) path_m: f64,
     /// The path by the encoders alone, moved so that it begins where the path begins.
     pub(super) odometry: &'a [Point],
-    /// The true path; empty where nobody knows it.
+    /// The true path; empty where it is unknown.
     pub(super) truth: &'a [Point],
     /// Root mean square distance from the truth, metres.
     pub(super) ate_m: Option<f64>,

@@ -1,8 +1,7 @@
 //! The robot with its ring of beams: green where a sensor is used, red with a cross where it is not.
 
 use super::canvas::{Canvas, Ink, Pen, Pixel};
-use slamd_core::event::SensorState;
-use slamd_core::geometry::{Point, Pose2, Ring};
+use slamd_core::{Point, Pose2, Ring, SensorState};
 
 /// How the robot is drawn.
 pub(super) struct RobotMark<'a> {

@@ -1,5 +1,5 @@
 use super::*;
-use slamd_core::event::FaultKind;
+use slamd_core::FaultKind;
 
 #[test]
 fn an_empty_map_is_still_a_picture() {

@@ -4,11 +4,7 @@
 use slamd::api::{Client, Snapshot, Token};
 use slamd::session_file;
 use slamd_capture::{CaptureReader, Record};
-use slamd_core::config::Config;
-use slamd_core::event::{Event, Input, Output};
-use slamd_core::pipeline::{Pipeline, Start};
-use slamd_core::saved_state::{MapState, SavedState};
-use slamd_core::time::Timestamp;
+use slamd_core::{Config, Event, Input, Output, Pipeline, SavedState, Start, Timestamp, saved_state::MapState};
 use slamd_protocol::{MAX_PAYLOAD, PayloadBuf, encode_frame};
 use std::path::Path;
 
@@ -34,7 +30,7 @@ impl Line {
     pub fn new(config: &Config) -> Self {
         let (at, last) = (Timestamp::default(), Timestamp::default());
         Self {
-            pipeline: slamd_paper::pipeline(config, slamd_core::pipeline::Start::Fresh)
+            pipeline: slamd_paper::pipeline(config, slamd_core::Start::Fresh)
                 .expect("a fresh start holds nothing that could be refused"),
             at,
             last,
@@ -120,7 +116,7 @@ pub fn read_capture(bytes: &[u8]) -> bool {
     let Ok(mut reader) = CaptureReader::begin(bytes, Path::new("fuzz.mcap")) else { return false };
     let mut pipeline = slamd_paper::pipeline(
         &Config::from_toml(&reader.info().config_toml).unwrap_or_default(),
-        slamd_core::pipeline::Start::Fresh,
+        slamd_core::Start::Fresh,
     )
     .expect("a fresh start holds nothing that could be refused");
     let (mut last, mut given) = (Timestamp::default(), 0);
@@ -171,7 +167,7 @@ pub fn ring_config() -> Config {
 /// Reads a configuration and drives with it. True where it can be read.
 pub fn read_config(text: &str, drive: &[Record]) -> bool {
     let Ok(config) = Config::from_toml(text) else { return false };
-    let mut pipeline = slamd_paper::pipeline(&config, slamd_core::pipeline::Start::Fresh)
+    let mut pipeline = slamd_paper::pipeline(&config, slamd_core::Start::Fresh)
         .expect("a fresh start holds nothing that could be refused");
     drive.iter().for_each(|record| feed(&mut pipeline, record));
     assert_eq!(Config::from_toml(&config.to_toml()), Ok(config), "what is written is read");

@@ -13,10 +13,10 @@ use slamd::session_file;
 use slamd::source::live::{LiveSession, MAX_OUTGOING};
 use slamd::source::session::Session;
 use slamd_capture::CaptureInfo;
-use slamd_core::config::Config;
-use slamd_core::link::{Link, LinkState, Remedy};
-use slamd_core::pipeline::Start;
-use slamd_core::time::Timestamp;
+use slamd_core::{
+    Config, Start, Timestamp,
+    link::{Link, LinkState, Remedy},
+};
 use std::cell::RefCell;
 use std::path::Path;
 use std::rc::Rc;

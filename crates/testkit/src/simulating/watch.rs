@@ -1,9 +1,6 @@
 //! What must hold at each step, seen from outside the pipeline.
 
-use slamd_core::driver::{Context, Update};
-use slamd_core::event::{Estimate, Event};
-use slamd_core::link::Link;
-use slamd_core::time::Timestamp;
+use slamd_core::{Context, Estimate, Event, Timestamp, Update, link::Link};
 use std::cell::RefCell;
 use std::rc::Rc;
 
@@ -22,7 +19,7 @@ pub struct Watch {
 
 impl Watch {
     /// A watch, and the watcher for the session that it sees.
-    pub fn new() -> (Rc<RefCell<Self>>, slamd_core::driver::Watcher) {
+    pub fn new() -> (Rc<RefCell<Self>>, slamd_core::Watcher) {
         let watch = Rc::new(RefCell::new(Self::default()));
         let seen = Rc::clone(&watch);
         (watch, Box::new(move |scene, sight| seen.borrow_mut().see(scene, sight)))

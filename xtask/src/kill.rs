@@ -1,12 +1,18 @@
-//! `cargo bench --bench kill [-- --kills 1000]`: SIGKILL at random moments of a recording. Wants an idle machine.
-
-mod options;
+//! `cargo xtask kill`: SIGKILL at random moments of a recording. Run it on an idle machine.
 
 use indicatif::ProgressBar;
 use slamd_testkit::killing;
 
-fn main() {
-    let kills: u64 = options::number("--kills", 1000);
+/// Kill a recording slamd at random moments and read what it left
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// How many times
+    #[arg(long, default_value_t = 1000)]
+    kills: u64,
+}
+
+pub(crate) fn run(options: &Options) {
+    let kills = options.kills;
     let bar = ProgressBar::new(kills);
     let killed = killing::kill(kills, 2, 1, || bar.inc(1));
     bar.finish_and_clear();

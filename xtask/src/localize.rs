@@ -1,14 +1,28 @@
-//! Where am I? `cargo bench --bench localize -- [--seeds 101-120] [--seconds 120]`
-//!
-//! Each seed maps a building and then starts at an unknown place in it. Prints a Markdown table. Tune on seeds 1-20, report on 101-120.
+//! `cargo xtask localize`: each seed maps a building, then starts at an unknown place in it. Prints a Markdown table.
 
-#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a bench")]
+#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "shares of a list")]
 
-mod options;
-
+use crate::seeds::Seeds;
 use slamd_testkit::known_building::{Outcome, remember, seek};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Start at unknown places of a known map
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// Seeds of the drives: tune on 1-20, report on 101-120
+    #[arg(long, default_value = "101-120")]
+    seeds: Seeds,
+    /// Length of each drive in the known building
+    #[arg(long, default_value_t = 120.0)]
+    seconds: f64,
+    /// Only the rows that map this building
+    #[arg(long)]
+    world: Option<String>,
+    /// Print each drive
+    #[arg(long)]
+    verbose: bool,
+}
 
 /// The building mapped, seconds of mapping, the building driven in, whether the robot can know where it is.
 type Case = (&'static str, f64, &'static str, bool);
@@ -44,15 +58,15 @@ fn row((mapped, _, driven, _): Case, outcomes: &[Outcome]) {
     );
 }
 
-fn main() {
-    let seeds: Vec<u64> = options::seeds("101-120").collect();
-    let duration_s: f64 = options::number("--seconds", 120.0);
-    let only = options::text("--world", "");
+pub(crate) fn run(options: &Options) {
+    let seeds: Vec<u64> = options.seeds.0.clone().collect();
+    let duration_s = options.seconds;
+    let is_asked = |case: &Case| options.world.as_ref().is_none_or(|world| world == case.0);
     println!(
         "| mapped | driven in | found within 60 s of driving | wrong | seconds, median / p90 | said that it does not know | RMS m once found | worst m |"
     );
     println!("|---|---|---|---|---|---|---|---|");
-    for case in CASES.into_iter().filter(|case| only.is_empty() || case.0 == only) {
+    for case in CASES.into_iter().filter(is_asked) {
         let (mapped, mapping_s, driven, _) = case;
         let next = AtomicUsize::new(0);
         let outcomes = Mutex::new(Vec::new());
@@ -63,7 +77,7 @@ fn main() {
                     while let Some(&seed) = seeds.get(next.fetch_add(1, Ordering::Relaxed)) {
                         let known = remember(mapped, seed, mapping_s);
                         let outcome = seek(&known, driven, seed, duration_s);
-                        if std::env::var_os("VERBOSE").is_some() {
+                        if options.verbose {
                             eprintln!(
                                 "{mapped} {seed}: worst {:.2} m, {:.0} deg: {:?}",
                                 outcome.worst_m, outcome.worst_deg, outcome.said

@@ -1,18 +1,47 @@
-//! What broken sensors and encoders cost: `cargo bench --no-default-features --bench sensor_faults -- [--seeds 101-120] [--seconds 120]
-//! [--only sensors|encoders|ordinary] [--row TEXT]`
+//! `cargo xtask sensor-faults`: what broken sensors and encoders cost.
 //!
-//! Each drive is compared with the same seed's drive without faults. Prints Markdown tables. Tune on seeds 1-20, report on 101-120.
+//! Each drive is compared with the drive of the same seed without faults. Prints Markdown tables.
 
-mod options;
-
+use crate::seeds::Seeds;
 use indicatif::ProgressBar;
-use slamd_core::event::{EncoderState, SensorState};
+use slamd_core::{EncoderState, SensorState};
 use slamd_metrics::quantile;
 use slamd_sim::fault::SensorFault;
 use slamd_testkit::broken::{Drive, Outcome, Slip};
 use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Measure what broken sensors and encoders cost
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// Seeds of the drives: tune on 1-20, report on 101-120
+    #[arg(long, default_value = "101-120")]
+    seeds: Seeds,
+    /// Length of each drive
+    #[arg(long, default_value_t = 120.0)]
+    seconds: f64,
+    /// Only one of the three parts
+    #[arg(long)]
+    only: Option<Part>,
+    /// Only rows whose names contain this text
+    #[arg(long, default_value = "")]
+    row: String,
+    /// Print each drive
+    #[arg(long)]
+    verbose: bool,
+}
+
+/// A part of the tables.
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Part {
+    /// Broken sensors.
+    Sensors,
+    /// Broken encoders.
+    Encoders,
+    /// Whole encoders, on which every verdict is false.
+    Ordinary,
+}
 
 /// A row of a table: what it is called, and its drives.
 struct Row {
@@ -24,35 +53,33 @@ struct Row {
 const LATE_S: f64 = 40.0;
 const KINDS: [&str; 4] = ["saturated", "missing", "noisy", "stuck"];
 
-fn main() {
-    let seeds: Vec<u64> = options::seeds("101-120").collect();
-    let seconds: f64 = options::number("--seconds", 120.0);
-    let only = options::text("--only", "");
+pub(crate) fn run(options: &Options) {
+    let (seeds, seconds) = (options.seeds.0.clone(), options.seconds);
+    let is_asked = |part: Part| options.only.is_none_or(|only| only == part);
     let drives = |world, sensors, odometry_errors| {
-        let drive = |&seed: &u64| Drive { world, sensors, odometry_errors, ..Drive::flat(seed, seconds) };
-        seeds.iter().map(drive).collect::<Vec<Drive>>()
+        let drive = |seed: u64| Drive { world, sensors, odometry_errors, ..Drive::flat(seed, seconds) };
+        seeds.clone().map(drive).collect::<Vec<Drive>>()
     };
     for sensors in [32, 16] {
         let whole = drives("flat", sensors, 1.0);
-        if only.is_empty() || only == "sensors" {
+        if is_asked(Part::Sensors) {
             println!("\n{sensors} sensors in the flat, drives of {seconds:.0} s\n");
-            compare(&whole, &asked(sensor_rows(&whole)));
+            compare(&whole, &asked(sensor_rows(&whole), options), options.verbose);
         }
-        if only.is_empty() || only == "encoders" {
+        if is_asked(Part::Encoders) {
             println!("\nEncoders, {sensors} sensors in the flat, drives of {seconds:.0} s\n");
-            compare(&whole, &asked(encoder_rows(&whole)));
+            compare(&whole, &asked(encoder_rows(&whole), options), options.verbose);
         }
     }
-    if only.is_empty() || only == "ordinary" {
+    if is_asked(Part::Ordinary) {
         println!("\nWhole encoders, drives of {seconds:.0} s\n");
         ordinary(&drives);
     }
 }
 
-/// The rows whose names have in them what `--row` says.
-fn asked(mut rows: Vec<Row>) -> Vec<Row> {
-    let text = options::text("--row", "");
-    rows.retain(|row| row.name.contains(&text));
+/// The rows whose names contain what `--row` says.
+fn asked(mut rows: Vec<Row>, options: &Options) -> Vec<Row> {
+    rows.retain(|row| row.name.contains(&options.row));
     rows
 }
 
@@ -116,7 +143,7 @@ fn encoder_rows(whole: &[Drive]) -> Vec<Row> {
 }
 
 /// Runs all drives on all cores.
-fn run(drives: &[&Drive]) -> Vec<Outcome> {
+fn run_all(drives: &[&Drive]) -> Vec<Outcome> {
     let (next, bar) = (AtomicUsize::new(0), ProgressBar::new(drives.len() as u64));
     let outcomes = Mutex::new(BTreeMap::new());
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
@@ -137,23 +164,23 @@ fn run(drives: &[&Drive]) -> Vec<Outcome> {
     outcomes.into_inner().expect("no drive panics").into_values().collect()
 }
 
-fn compare(whole: &[Drive], rows: &[Row]) {
+fn compare(whole: &[Drive], rows: &[Row], is_verbose: bool) {
     let drives: Vec<&Drive> = whole.iter().chain(rows.iter().flat_map(|row| &row.drives)).collect();
-    let mut outcomes = run(&drives);
+    let mut outcomes = run_all(&drives);
     let broken = outcomes.split_off(whole.len());
     println!(
         "| broken | found | latency s, median / p90 | ATE m, median | error m, median / p90 / worst | ratio to whole, median / p90 | worse | of their sweeps that are off, said | false alarms |"
     );
     println!("|---|---|---|---|---|---|---|---|---|");
     for (row, outcomes_of) in rows.iter().zip(broken.chunks(whole.len())) {
-        print_row(row, outcomes_of, &outcomes);
+        print_row(row, outcomes_of, &outcomes, is_verbose);
     }
     let of = |error: fn(&Outcome) -> f64| outcomes.iter().map(error).collect::<Vec<f64>>();
     let (ates, errors) = (of(|outcome| outcome.ate_m), of(|outcome| outcome.rms_m));
     println!("\nwhole: ATE {:.3} m, median, error {}", quantile(&ates, 0.5), quantiles(&errors));
 }
 
-fn print_row(row: &Row, broken: &[Outcome], whole: &[Outcome]) {
+fn print_row(row: &Row, broken: &[Outcome], whole: &[Outcome], is_verbose: bool) {
     let (mut latencies_s, mut faults, mut alarms, mut worse) = (Vec::new(), 0, 0, 0);
     let (mut ratios, mut shares) = (Vec::new(), Vec::new());
     for ((drive, outcome), whole) in row.drives.iter().zip(broken).zip(whole) {
@@ -166,13 +193,11 @@ fn print_row(row: &Row, broken: &[Outcome], whole: &[Outcome]) {
             worse += 1;
             shares.extend(outcome.covered(whole));
         }
-        if std::env::var_os("VERBOSE").is_some() {
+        if is_verbose {
             eprintln!("{} {}: ratio {ratio:.2}, covered {:?}", row.name, drive.seed, outcome.covered(whole));
-            let words =
-                |lock: &slamd_core::event::LocalizationEvent| format!("{:.1} {:?}", lock.at.seconds(), lock.change);
+            let words = |lock: &slamd_core::LocalizationEvent| format!("{:.1} {:?}", lock.at.seconds(), lock.change);
             eprintln!("    {:?}", outcome.locks.iter().map(words).collect::<Vec<_>>());
-            let words =
-                |e: &slamd_core::event::EncoderEvent| format!("{:.1} {:?} {:?}", e.at.seconds(), e.wheel, e.state);
+            let words = |e: &slamd_core::EncoderEvent| format!("{:.1} {:?} {:?}", e.at.seconds(), e.wheel, e.state);
             eprintln!("    {:?}", outcome.encoders.iter().map(words).collect::<Vec<_>>());
         }
     }
@@ -217,7 +242,7 @@ fn found_s(drive: &Drive, outcome: &Outcome) -> Vec<f64> {
 }
 
 /// Whether an encoder's verdict names what is broken.
-fn is_right(drive: &Drive, told: &slamd_core::event::EncoderEvent) -> bool {
+fn is_right(drive: &Drive, told: &slamd_core::EncoderEvent) -> bool {
     drive.encoder_faults.iter().any(|fault| {
         let words = format!("{:?} {:?}", fault.wheel, fault.kind);
         told.state != EncoderState::Healthy
@@ -238,7 +263,7 @@ fn ordinary(drives: &dyn Fn(&'static str, u8, f64) -> Vec<Drive>) {
     println!("| world | sensors | odometry | drives | verdicts on encoders |");
     println!("|---|---|---|---|---|");
     let report = |name: &str, sensors: u8, odometry: &str, drives: &[Drive]| {
-        let outcomes = run(&drives.iter().collect::<Vec<_>>());
+        let outcomes = run_all(&drives.iter().collect::<Vec<_>>());
         let verdicts: usize = outcomes.iter().map(|outcome| outcome.encoders.len()).sum();
         for (drive, outcome) in drives.iter().zip(&outcomes).filter(|(_, outcome)| !outcome.encoders.is_empty()) {
             eprintln!("{name} {}: {:?}", drive.seed, outcome.encoders);

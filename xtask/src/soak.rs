@@ -1,16 +1,13 @@
-//! `cargo bench --bench soak [-- --minutes 60 --hours 72]`: does anything grow, drop or differ when the robot drives for long?
+//! `cargo xtask soak`: does anything grow, drop or differ when the robot drives for long?
 //!
 //! First the real program at a pseudo-terminal, 20 sweeps a second, recording, with both cores loaded: the slope of its memory over the last
 //! two thirds, what it dropped, and whether the replay of its recording makes the same map. Then many hours of laps in the pipeline alone,
 //! twice side by side: the slope of its heap, and whether both know the same in the end.
 
-mod options;
-
 use allocation_counter::measure;
 use indicatif::ProgressBar;
 use serde_json::Value;
-use slamd_core::event::Input;
-use slamd_core::pipeline::Pipeline;
+use slamd_core::{Input, Pipeline};
 use slamd_testkit::lattice::{Drive, Plan, drain};
 use slamd_testkit::mock_port::Terminal;
 use slamd_testkit::mock_port::daemon::Daemon;
@@ -19,6 +16,17 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
+
+/// Drive for long: does memory grow, is anything dropped, does the replay differ
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// Minutes of the real program on a serial line
+    #[arg(long, default_value_t = 60.0)]
+    minutes: f64,
+    /// Hours of laps in the pipeline alone
+    #[arg(long, default_value_t = 72.0)]
+    hours: f64,
+}
 
 const MAX_KIB_PER_HOUR: f64 = 10.0;
 /// From so long a real run on its memory is judged.
@@ -45,17 +53,14 @@ fn summary(folder: &Path) -> Value {
 }
 
 /// The real program for so many minutes; what it says at the end, what the replay of its recording says, and the slope.
-#[expect(clippy::disallowed_methods, reason = "a bench has a clock")]
+#[expect(clippy::disallowed_methods, reason = "a long run is timed")]
 fn real(minutes: f64) -> (Value, Value, f64) {
     let folder = tempfile::tempdir().expect("a folder");
     let (capture, live, replayed) =
         (folder.path().join("soak.mcap"), folder.path().join("live"), folder.path().join("replayed"));
     let terminal = Terminal::open();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_slamd"));
+    let mut command = Command::new(slamd_testkit::program());
     command.arg("--port").arg(&terminal.path).arg("--record").arg(&capture).arg("--out").arg(&live);
-    if cfg!(feature = "viewer") {
-        command.args(["--viewer", "off"]);
-    }
     let (end, cores) = (AtomicBool::new(false), std::thread::available_parallelism().map_or(1, usize::from));
     let bar = ProgressBar::new(u64::from(LOOKS));
     let looks = std::thread::scope(|scope| {
@@ -81,7 +86,7 @@ fn real(minutes: f64) -> (Value, Value, f64) {
         looks
     });
     bar.finish_and_clear();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_slamd"));
+    let mut command = Command::new(slamd_testkit::program());
     command.arg("replay").arg(&capture).arg("--out").arg(&replayed).stdout(Stdio::null()).stderr(Stdio::null());
     assert!(command.status().expect("slamd runs").success(), "the recording cannot be replayed");
     (summary(&live), summary(&replayed), slope_kib_per_hour(&looks))
@@ -104,8 +109,8 @@ fn laps(hours: f64, bar: &ProgressBar) -> (Vec<(f64, f64)>, Drive) {
     (looks.collect(), drive)
 }
 
-fn main() {
-    let (minutes, hours) = (options::number("--minutes", 60.0), options::number("--hours", 72.0));
+pub(crate) fn run(options: &Options) {
+    let &Options { minutes, hours } = options;
     let bar = ProgressBar::new(2 * u64::from(LOOKS));
     let [(looks, first), (_, second)] = std::thread::scope(|scope| {
         [scope.spawn(|| laps(hours, &bar)), scope.spawn(|| laps(hours, &bar))]

@@ -1,20 +1,28 @@
-//! `cargo bench --bench fuzz [-- --bytes 1000000000 --files 1000000]`: bytes and files that nobody would write; a panic ends it, and the
-//! slowest file is named by its kind and seed.
-
-mod options;
+//! `cargo xtask fuzz`: hostile bytes and files. A panic ends it; the slowest file is named by its kind and seed.
 
 use indicatif::ProgressBar;
 use slamd_testkit::fuzzing;
 use slamd_testkit::fuzzing::{Corpus, Kind};
 use std::time::{Duration, Instant};
 
+/// Feed damaged bytes and files to everything that reads them
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// Bytes on the serial line
+    #[arg(long, default_value_t = 1_000_000_000)]
+    bytes: u64,
+    /// Files, of all kinds together
+    #[arg(long, default_value_t = 1_000_000)]
+    files: u64,
+}
+
 const AT_ONCE: u64 = 10_000_000;
 const MAX_TIME: Duration = Duration::from_secs(1);
 
-#[expect(clippy::disallowed_methods, reason = "a benchmark has a clock")]
-fn main() {
-    let (bytes, files) = (options::number("--bytes", 1_000_000_000_u64), options::number("--files", 1_000_000_u64));
-    let corpus = Corpus::new();
+#[expect(clippy::disallowed_methods, reason = "a long run is timed")]
+pub(crate) fn run(options: &Options) {
+    let &Options { bytes, files } = options;
+    let corpus = Corpus::build();
     let bar = ProgressBar::new(bytes / AT_ONCE);
     let (mut sweeps, mut frames) = (0, 0);
     let begin = Instant::now();

@@ -1,12 +1,18 @@
-//! `cargo bench --bench replug [-- --cycles 1000]`: the cable pulled and put back, on the real program.
-
-mod options;
+//! `cargo xtask replug`: the cable is pulled and put back, on the real program.
 
 use indicatif::ProgressBar;
 use slamd_testkit::mock_port;
 
-fn main() {
-    let cycles: u64 = options::number("--cycles", 1000);
+/// Pull the cable and put it back, many times
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// How many times
+    #[arg(long, default_value_t = 1000)]
+    cycles: u64,
+}
+
+pub(crate) fn run(options: &Options) {
+    let cycles = options.cycles;
     let bar = ProgressBar::new(cycles);
     let measured = mock_port::replug::replug(cycles, || bar.inc(1));
     bar.finish_and_clear();

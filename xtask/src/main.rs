@@ -1,0 +1,71 @@
+//! The long runs: what the tests try briefly, tried for minutes or hours; two of them write pages of `docs/`.
+//!
+//! `cargo xtask --help` lists them, `cargo xtask TASK --help` their options. Each prints Markdown on standard output and its progress on
+//! standard error, and fails where a promise is broken.
+
+mod fuzz;
+mod kill;
+mod localize;
+mod reliability;
+mod replug;
+mod seeds;
+mod sensor_faults;
+mod simulation;
+mod soak;
+
+use clap::{Parser, Subcommand};
+use std::process::Command;
+
+/// slamd's long runs
+#[derive(Parser)]
+#[command(bin_name = "cargo xtask")]
+struct Arguments {
+    #[command(subcommand)]
+    task: Task,
+}
+
+#[derive(Subcommand)]
+enum Task {
+    Kill(kill::Options),
+    Replug(replug::Options),
+    Fuzz(fuzz::Options),
+    Simulation(simulation::Options),
+    Soak(soak::Options),
+    SensorFaults(sensor_faults::Options),
+    Localize(localize::Options),
+    Reliability(reliability::Options),
+}
+
+/// Builds the program that a task starts, in this program's own profile, without the viewer.
+fn build_slamd() {
+    let mut cargo = Command::new(env!("CARGO"));
+    cargo.args(["build", "--locked", "--no-default-features", "--package", "slamd", "--bin", "slamd"]);
+    if !cfg!(debug_assertions) {
+        cargo.arg("--release");
+    }
+    let root = slamd_testkit::root();
+    let status = cargo.current_dir(root).status().expect("cargo runs");
+    assert!(status.success(), "slamd was not built: {status}");
+}
+
+fn main() {
+    match Arguments::parse().task {
+        Task::Kill(options) => {
+            build_slamd();
+            kill::run(&options);
+        }
+        Task::Replug(options) => {
+            build_slamd();
+            replug::run(&options);
+        }
+        Task::Soak(options) => {
+            build_slamd();
+            soak::run(&options);
+        }
+        Task::Fuzz(options) => fuzz::run(&options),
+        Task::Simulation(options) => simulation::run(&options),
+        Task::SensorFaults(options) => sensor_faults::run(&options),
+        Task::Localize(options) => localize::run(&options),
+        Task::Reliability(options) => reliability::run(&options),
+    }
+}
