@@ -158,17 +158,17 @@ mod tests {
 
     #[test]
     fn errors_name_what_is_expected() {
-        let words = |line: &str| parse(line.as_bytes()).unwrap_err().to_string();
-        assert!(words("GET / HTTP/1.1").contains("expected ?WATCH"));
-        assert!(words("?MAP=1;").contains("takes no value"));
-        assert!(words(r#"?WATCH={"pose":1};"#).contains("unknown field `pose`"));
-        assert!(words(r#"?WATCH={"pose_hz":1e999};"#).contains("out of range"));
+        let message = |line: &str| parse(line.as_bytes()).unwrap_err().to_string();
+        assert!(message("GET / HTTP/1.1").contains("expected ?WATCH"));
+        assert!(message("?MAP=1;").contains("takes no value"));
+        assert!(message(r#"?WATCH={"pose":1};"#).contains("unknown field `pose`"));
+        assert!(message(r#"?WATCH={"pose_hz":1e999};"#).contains("out of range"));
         assert!(
-            words(r#"?WATCH={"map_hz":2};"#).contains("map_hz = 2 is out of range: it must be 0, or from 0.001 to 1")
+            message(r#"?WATCH={"map_hz":2};"#).contains("map_hz = 2 is out of range: it must be 0, or from 0.001 to 1")
         );
-        assert!(words(r#"?WATCH={"pose_hz":-1};"#).contains("pose_hz = -1"));
-        assert!(words("?TOKEN;").contains("a JSON string"));
-        assert!(words(&format!(r#"?WATCH={{"{}":1}};"#, "x".repeat(60_000))).len() < 300);
+        assert!(message(r#"?WATCH={"pose_hz":-1};"#).contains("pose_hz = -1"));
+        assert!(message("?TOKEN;").contains("a JSON string"));
+        assert!(message(&format!(r#"?WATCH={{"{}":1}};"#, "x".repeat(60_000))).len() < 300);
         assert_eq!(parse(b"?POLL\xff"), Err(RequestError::NotText));
     }
 

@@ -77,10 +77,10 @@ mod tests {
         };
         let token = read("0123456789abcdef\nnot this\n", 0o600).unwrap();
         assert!(token.is("0123456789abcdef") && !token.is("0123456789abcdeF") && !token.is(""));
-        let words = |text: &str, mode| read(text, mode).unwrap_err().to_string();
-        assert!(words("0123456789abcdef", 0o640).contains("chmod 600"));
-        assert!(words("short", 0o600).contains("openssl rand -hex 32"));
-        assert!(words("0123456789 abcdef", 0o600).contains("printable"));
+        let message = |text: &str, mode| read(text, mode).unwrap_err().to_string();
+        assert!(message("0123456789abcdef", 0o640).contains("chmod 600"));
+        assert!(message("short", 0o600).contains("openssl rand -hex 32"));
+        assert!(message("0123456789 abcdef", 0o600).contains("printable"));
         assert!(Token::read(&folder.path().join("none")).unwrap_err().to_string().contains("name a file"));
     }
 }

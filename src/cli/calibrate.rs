@@ -41,7 +41,7 @@ impl CalibrateArgs {
         });
         bar.finish_and_clear();
         let report = report.map_err(|failure| Failure::new(failure.kind, format!("{name}: {failure}")))?;
-        say(&report);
+        print(&report);
         if let Some(path) = &self.out {
             write_robot(path, &report.config, "slamd calibrate")?;
             terminal::say(format_args!("robot: {}", path.display()));
@@ -57,7 +57,7 @@ impl From<CalibrateError> for Failure {
 }
 
 /// Prints the report as a table.
-fn say(report: &Report) {
+fn print(report: &Report) {
     let wheels = &report.wheels;
     terminal::say(format_args!("wheel ratio {:.4} ± {:.4}", wheels.wheel_ratio, wheels.wheel_ratio_sigma));
     terminal::say(format_args!("wheel base {:.4} ± {:.4} m", wheels.wheel_base_m, wheels.wheel_base_sigma_m));
@@ -74,8 +74,8 @@ fn say(report: &Report) {
         let rms = |rms_m: f64| if rms_m.is_finite() { format!("{:.2}", 100.0 * rms_m) } else { "-".into() };
         terminal::say(format_args!(
             "{sensor:>6}  {:>13}   {:>18}   {:>25}  {:>5}",
-            words(bias),
-            words(bearing),
+            with_sigma(bias),
+            with_sigma(bearing),
             rms(result.before_m),
             rms(result.after_m)
         ));
@@ -95,6 +95,6 @@ fn say(report: &Report) {
     }
 }
 
-fn words(found: Option<Estimated>) -> String {
+fn with_sigma(found: Option<Estimated>) -> String {
     found.map_or_else(|| "?".into(), |found| format!("{:+.2} ± {:.2}", found.value, found.sigma))
 }

@@ -24,9 +24,9 @@ pub(super) fn begin(format: Format) {
     });
     let json = (format == Format::Json)
         .then(|| tracing_subscriber::fmt::layer().json().flatten_event(true).with_writer(std::io::stderr));
-    let (filter, complaint) = filter();
+    let (filter, warning) = filter();
     tracing_subscriber::registry().with(filter).with(text).with(json).with(for_viewers()).init();
-    complaint.into_iter().for_each(|complaint| tracing::warn!("{complaint}"));
+    warning.into_iter().for_each(|warning| tracing::warn!("{warning}"));
     if format == Format::Json {
         std::panic::set_hook(Box::new(|panic| tracing::error!(target: END_TARGET, "{panic}")));
     }
@@ -43,15 +43,15 @@ pub(super) fn end(format: Format, failure: &Failure) {
 /// The filter from `RUST_LOG`, by level and module, such as `warn` or `info,slamd::recorder=debug`; the reason why the program ends is always
 /// logged. Also a warning about an invalid `RUST_LOG`.
 pub(super) fn filter() -> (Targets, Option<String>) {
-    let asked = std::env::var("RUST_LOG").ok().filter(|asked| !asked.trim().is_empty());
-    let (filter, complaint) = match asked.as_deref().map(|asked| (asked, asked.parse::<Targets>())) {
+    let setting = std::env::var("RUST_LOG").ok().filter(|setting| !setting.trim().is_empty());
+    let (filter, warning) = match setting.as_deref().map(|setting| (setting, setting.parse::<Targets>())) {
         Some((_, Ok(filter))) => (Some(filter), None),
-        Some((asked, Err(error))) => (None, Some(format!("RUST_LOG={asked}: {error}; logging at level info"))),
+        Some((setting, Err(error))) => (None, Some(format!("RUST_LOG={setting}: {error}; logging at level info"))),
         None => (None, None),
     };
     // The names of Rerun's modules begin with re_.
     let usual = || Targets::new().with_default(Level::INFO).with_target("re_", Level::ERROR);
-    (filter.unwrap_or_else(usual).with_target(END_TARGET, Level::ERROR), complaint)
+    (filter.unwrap_or_else(usual).with_target(END_TARGET, Level::ERROR), warning)
 }
 
 const END_TARGET: &str = "slamd_end";

@@ -52,7 +52,7 @@ pub(super) struct LiveArgs {
     #[arg(long)]
     realtime: bool,
     #[command(flatten)]
-    pub(super) kept: StateArgs,
+    pub(super) state: StateArgs,
     #[command(flatten)]
     api: super::api::ApiArgs,
     #[cfg(feature = "mqtt")]
@@ -135,8 +135,8 @@ impl LiveArgs {
             service.iter().for_each(Service::stopping);
             return Ok(None);
         };
-        let mut session = self.kept.begin(config.clone(), &output.out)?;
-        let mut saver = self.kept.saver();
+        let mut session = self.state.begin(config.clone(), &output.out)?;
+        let mut saver = self.state.saver();
         let (clock, info) = begin(&config);
         taps.iter_mut().for_each(|tap| tap.begin(info.unix_zero_us));
         let mut recorder = self.record.begin(info.clone())?;
@@ -162,7 +162,7 @@ impl LiveArgs {
         session.end();
         drop(server);
         // A failed save does not keep the map from being written.
-        let saved = self.kept.save(saver, &session);
+        let saved = self.state.save(saver, &session);
         let lacking = recorder.map(Recorder::finish).unwrap_or_default();
         let (summary, faulty) = session.finish()?;
         #[cfg(feature = "viewer")]

@@ -58,10 +58,10 @@ mod tests {
     fn only_known_values_are_published() {
         let names = Names::new("robot");
         let mut snapshot = Snapshot { cause: "port missing".into(), ..Snapshot::default() };
-        let told = messages(&names, &snapshot);
-        assert_eq!(told[0], ("slamd/robot/link".into(), "searching".into()));
-        assert_eq!(told[1].1, r#"{"cause":"port missing"}"#);
-        assert_eq!(told.len(), 2);
+        let found = messages(&names, &snapshot);
+        assert_eq!(found[0], ("slamd/robot/link".into(), "searching".into()));
+        assert_eq!(found[1].1, r#"{"cause":"port missing"}"#);
+        assert_eq!(found.len(), 2);
 
         snapshot.ring = Ring::circle(2, 0.1, 0.1, 1);
         let (at, state) = (Timestamp::default(), SensorState::Faulty(FaultKind::Stuck));
@@ -75,7 +75,7 @@ mod tests {
             odometry: Pose2::default(),
             nis: 1.0,
         });
-        let told: Vec<_> = messages(&names, &snapshot).into_iter().skip(2).collect();
+        let found: Vec<_> = messages(&names, &snapshot).into_iter().skip(2).collect();
         let expected = [
             ("pose", r#"{"heading_deg":60.0,"x_m":1.23,"y_m":0.0}"#),
             ("position_uncertain", "ON"),
@@ -84,6 +84,6 @@ mod tests {
             ("sensor/1/attributes", r#"{"reason":"always 1 m","state":"stuck"}"#),
             ("sensor/1", "ON"),
         ];
-        assert_eq!(told, expected.map(|(topic, payload)| (names.topic(topic), payload.to_owned())));
+        assert_eq!(found, expected.map(|(topic, payload)| (names.topic(topic), payload.to_owned())));
     }
 }

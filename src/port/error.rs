@@ -78,12 +78,12 @@ impl std::fmt::Display for PortError {
             }
             Self::Permission { path, group, group_may: true } => write!(
                 f,
-                "permission denied: {} belongs to group {group}; run `sudo usermod -aG {group} $USER` and log in anew",
+                "permission denied: {} belongs to group {group}; run `sudo usermod -aG {group} $USER` and log in again",
                 path.display()
             ),
             Self::Permission { path, group, group_may: false } => write!(
                 f,
-                "permission denied: {path} belongs to group {group}, which may not use it either; run `sudo chgrp dialout {path} && sudo chmod g+rw {path}`, then `sudo usermod -aG dialout $USER`, and log in anew",
+                "permission denied: {path} belongs to group {group}, which may not use it either; run `sudo chgrp dialout {path} && sudo chmod g+rw {path}`, then `sudo usermod -aG dialout $USER`, and log in again",
                 path = path.display()
             ),
             Self::Busy { path, holders } if holders.is_empty() => write!(

@@ -84,7 +84,7 @@ pub(super) fn of_recording(named: Option<&Path>, info: &CaptureInfo, capture: &P
 /// The configuration from files and environment variables.
 fn robot_layers(named: Option<&Path>) -> Result<Layers, Failure> {
     let (mut layers, mut read) = (Layers::default(), Vec::new());
-    for path in files::files(named, &files::places())? {
+    for path in files::files(named, &files::default_paths())? {
         layers.text(Some(&path.display().to_string()), &text(&path)?);
         read.push(path.display().to_string());
     }

@@ -95,16 +95,16 @@ fn room(out: &Path, bytes: u64) -> Finding {
 }
 
 fn viewer() -> Finding {
-    let output = Command::new("rerun").arg("--version").output();
-    let words = output.ok().map(|output| String::from_utf8_lossy(&output.stdout).into_owned());
-    version(words.as_deref())
+    let output = Command::new("rerun").arg("--version").output().ok();
+    let output = output.map(|output| String::from_utf8_lossy(&output.stdout).into_owned());
+    version(output.as_deref())
 }
 
-fn version(words: Option<&str>) -> Finding {
-    let Some(words) = words else {
+fn version(output: Option<&str>) -> Finding {
+    let Some(output) = output else {
         return Finding::new(Level::Note, "host.viewer", "no viewer: there is no `rerun` on the PATH", RERUN_FIX);
     };
-    let version = words.split_whitespace().find(|word| word.starts_with(|c: char| c.is_ascii_digit()));
+    let version = output.split_whitespace().find(|word| word.starts_with(|c: char| c.is_ascii_digit()));
     match version {
         Some(version) if version.starts_with(RERUN) => Finding::ok("host.viewer", format!("rerun {version}")),
         version => {

@@ -44,16 +44,16 @@ pub(super) fn examine(args: &DoctorArgs, name: &PortName) -> Result<(Report, boo
     let (examination, gone) = runtime.block_on(listen(args, &config, stream, &port));
     let (of_board, sensors) = examination.findings();
     findings.extend(of_board);
-    if let Some(words) = &gone {
+    if let Some(text) = &gone {
         let fix = "check the plug and the cable, and the board's supply";
-        findings.push(Finding::new(Level::Problem, "port.gone", format!("{port} went away: {words}"), fix));
+        findings.push(Finding::new(Level::Problem, "port.gone", format!("{port} went away: {text}"), fix));
     }
     Ok((Report::new(findings, sensors), true))
 }
 
 fn unusable(mut findings: Vec<Finding>, error: &PortError) -> (Report, bool) {
-    let words = error.to_string();
-    let (text, fix) = words.split_once("; ").unwrap_or((&words, "see `slamd ports`"));
+    let text = error.to_string();
+    let (text, fix) = text.split_once("; ").unwrap_or((&text, "see `slamd ports`"));
     findings.push(Finding::new(Level::Problem, "port.open", text, fix));
     (Report::new(findings, Vec::new()), false)
 }

@@ -31,9 +31,9 @@ impl Log {
             .with_ansi(false)
             .with_target(false)
             .with_timer(Uptime(Instant::now()));
-        let (filter, complaint) = crate::cli::log::filter();
+        let (filter, warning) = crate::cli::log::filter();
         tracing_subscriber::registry().with(filter).with(lines).with(crate::cli::log::for_viewers()).init();
-        complaint.into_iter().for_each(|complaint| tracing::warn!("{complaint}"));
+        warning.into_iter().for_each(|warning| tracing::warn!("{warning}"));
         log
     }
 

@@ -93,12 +93,12 @@ impl MonitorArgs {
     }
 
     fn play(&self, file: &Path, log: Log, runtime: &Runtime, mut shutdown: Shutdown) -> Result<(), Failure> {
-        let (mut capture, mut session) = replay::open(file, &self.live.kept, &self.output.how, &self.output.out)?;
+        let (mut capture, mut session) = replay::open(file, &self.live.state, &self.output.how, &self.output.out)?;
         let mut screen = self.screen(log, &shutdown)?;
         let mut sampler = Sampler::new(session.config(), screen.slot());
         let play = play::play(&mut capture, &mut session, self.speed, &mut shutdown, &mut sampler, file);
         let result = runtime.block_on(play);
-        let saved = self.live.kept.save(self.live.kept.saver(), &session);
+        let saved = self.live.state.save(self.live.state.saver(), &session);
         let finished = session.finish();
         if !screen.close() {
             return Ok(());
