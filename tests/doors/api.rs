@@ -210,7 +210,7 @@ fn who_reads_nothing_is_dropped_and_the_pipeline_loses_nothing() {
 const TOKEN: &str = "correct-horse-battery-staple";
 
 #[test]
-fn whoever_comes_over_tcp_must_know_the_token() {
+fn tcp_clients_must_send_the_token() {
     let folder = tempfile::tempdir().unwrap();
     let token = folder.path().join("token");
     std::fs::write(&token, format!("{TOKEN}\n")).unwrap();

@@ -192,7 +192,7 @@ fn a_folder_is_replayed_and_a_bad_capture_stops_no_other() {
     assert!(folder.path().join("out/good/map.png").exists());
     let (code, _, log) = replay(&["--save-session", "x"]);
     assert_eq!(code, 64, "{log}");
-    assert!(log.contains("for one capture"), "{log}");
+    assert!(log.contains("need a single capture"), "{log}");
     std::fs::remove_file(captures.join("bad.mcap")).unwrap();
     let (code, json, log) = replay(&["--json"]);
     assert_eq!(code, 0, "{log}");
