@@ -1,4 +1,4 @@
-//! What slamd promises its users, and the test that keeps each promise.
+//! slamd's promises to its users, and the test that checks each promise.
 
 /// A promise.
 pub struct Promise {
@@ -29,14 +29,14 @@ const fn promise(
 /// All of them.
 pub const PROMISES: [Promise; 31] = [
     promise(
-        "With faults of line, board, clock and disk at once, no bad frame is accepted, time never runs back, a recording holds what was read, and the \
-         map equals that of its replay.",
+        "With simultaneous faults of link, board, clock and disk: no bad frame is accepted, time is monotonic, a recording holds what was read, and its \
+         replay makes the same map.",
         "tests/wire/simulation.rs",
         "no_fault_breaks_a_promise",
         Some("simulation"),
     ),
     promise(
-        "No bytes on the wire cause a panic, and memory stays bounded.",
+        "No bytes on the link cause a panic or unbounded memory.",
         "tests/wire/fuzz.rs",
         "no_bytes_panic",
         Some("fuzz"),
@@ -54,13 +54,13 @@ pub const PROMISES: [Promise; 31] = [
         Some("kill"),
     ),
     promise(
-        "A full disk blocks nothing; waiting data is written when there is room again.",
+        "A full disk does not delay mapping; waiting data is written when there is space again.",
         "tests/files/full_disk.rs",
         "a_full_disk_blocks_nothing_and_loses_nothing",
         None,
     ),
     promise(
-        "If a disk is full for long, the recording loses the end of that time, and memory stays bounded.",
+        "A disk that is full for long costs the end of that time and bounded memory.",
         "tests/files/recording.rs",
         "a_disk_full_for_long_loses_the_end_of_that_time_and_memory_stays_bounded",
         None,
@@ -68,11 +68,11 @@ pub const PROMISES: [Promise; 31] = [
     promise(
         "Short and failing writes lose nothing.",
         "tests/files/recording.rs",
-        "short_and_failing_writes_lose_nothing",
+        "short_writes_and_errors_that_change_each_second_lose_nothing",
         None,
     ),
     promise(
-        "A recording stops growing when the disk's reserve of free space is reached, and continues when there is room.",
+        "A recording respects its limits of size, time and free disk space.",
         "tests/files/recording.rs",
         "free_space_is_left_to_others",
         None,
@@ -85,31 +85,31 @@ pub const PROMISES: [Promise; 31] = [
     ),
     promise("A recording replays bit for bit.", "tests/wire/live.rs", "a_recording_replays_bit_for_bit", Some("soak")),
     promise(
-        "slamd survives a hundred replugs of the board.",
+        "A hundred pulls of the plug are survived.",
         "tests/wire/replug.rs",
         "a_hundred_replugs_are_survived",
         None,
     ),
     promise(
-        "Map and pose continue when the port returns, even under another name.",
+        "Map and pose continue when the port returns, under any name.",
         "tests/wire/link.rs",
         "map_and_pose_go_on_when_the_port_returns_under_another_name",
         None,
     ),
     promise(
-        "A restart of the board loses no pose.",
+        "A board that restarts costs no pose.",
         "crates/core/tests/estimator/handshake.rs",
         "a_board_that_restarts_in_mid_stream_costs_no_pose",
         None,
     ),
     promise(
-        "Stalled and absent viewers never block mapping.",
+        "Viewers that hang or never connect do not delay mapping.",
         "tests/doors/viewer.rs",
         "stalled_and_absent_viewers_never_block_mapping",
         None,
     ),
     promise(
-        "Each kind of sensor fault is found in time, named, and cleared after recovery.",
+        "Each kind of sensor fault is detected in time, named, and cleared when it passes.",
         "crates/core/tests/estimator/faults.rs",
         "each_fault_is_found_in_time_named_and_cleared_after_recovery",
         None,
@@ -127,62 +127,62 @@ pub const PROMISES: [Promise; 31] = [
         None,
     ),
     promise(
-        "Eight of 32 sensors with faults of all kinds increase the error by less than half.",
+        "Faults of all kinds in eight of 32 sensors increase the error by less than half.",
         "crates/core/tests/estimator/sensor_faults.rs",
         "a_side_of_missing_sensors_and_eight_of_all_kinds_cost_little",
         None,
     ),
     promise(
-        "A dead wheel encoder is named, and no pose stated as certain is wrong.",
+        "A dead wheel encoder is named, and no certain pose is wrong.",
         "crates/core/tests/estimator/sensor_faults.rs",
         "a_dead_encoder_is_named_and_no_certain_pose_is_wrong",
         None,
     ),
     promise(
-        "A reversed wheel encoder is named and its sign is corrected.",
+        "A reversed wheel encoder is named and its sign corrected.",
         "crates/core/tests/estimator/sensor_faults.rs",
         "a_reversed_encoder_is_named_and_its_sign_corrected",
         None,
     ),
     promise(
-        "A client that does not read is dropped with a notice, and the pipeline loses nothing.",
+        "A client that does not read is dropped with a notice, and nothing is lost.",
         "tests/doors/api.rs",
         "a_client_that_does_not_read_is_dropped_and_the_pipeline_loses_nothing",
         None,
     ),
     promise(
-        "Limits for clients (64), lines (64 KiB) and silence (20 s) are enforced and reported.",
+        "Limits of 64 clients, lines of 64 KiB and 20 s of silence are enforced and reported.",
         "tests/doors/api.rs",
         "limits_are_enforced_and_reported",
         None,
     ),
     promise(
-        "Access from the network needs a token file that only its owner can read.",
+        "The API is not open to the network by mistake.",
         "tests/doors/api.rs",
         "network_access_needs_a_private_token_file",
         None,
     ),
     promise(
-        "Clients over TCP must send the token.",
+        "Clients from the network must send the token.",
         "tests/doors/api.rs",
-        "clients_over_tcp_must_send_the_token",
+        "tcp_clients_must_send_the_token",
         None,
     ),
     promise(
-        "Control characters from a board never reach a terminal.",
+        "Text from a board cannot control a terminal.",
         "tests/doors/api.rs",
         "control_characters_of_a_board_never_reach_a_terminal",
         None,
     ),
     promise("The service is sandboxed.", "tests/program/systemd.rs", "the_service_is_sandboxed", None),
     promise(
-        "Code that reads input has no unwrap, no unchecked index and no unchecked cast.",
+        "Code that handles input has no unwrap, no unchecked index and no unchecked cast.",
         "tests/tree/input_path.rs",
         "the_input_path_carries_the_lints",
         None,
     ),
     promise(
-        "No crate contains unsafe code, and releases check for overflow.",
+        "slamd's crates have no unsafe code, and releases check overflow.",
         "tests/tree/input_path.rs",
         "no_crate_is_unsafe_and_overflow_is_checked",
         None,
@@ -194,7 +194,7 @@ pub const PROMISES: [Promise; 31] = [
         None,
     ),
     promise(
-        "A damaged session file is refused, and the error names the cause.",
+        "A damaged session file is refused with the cause.",
         "tests/files/session_file.rs",
         "each_damage_is_named",
         None,
