@@ -13,7 +13,7 @@ use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Until the axis is found and the log has said so.
+/// Until the axis is found and logged.
 const SETTLE: Duration = Duration::from_secs(10);
 
 struct Measured {

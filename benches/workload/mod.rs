@@ -96,7 +96,7 @@ impl Drive {
         aligner.set_wheels(WHEELS);
         let mut sweeps = 0;
         for (at, message) in &self.messages {
-            // A board that restarts within the capture begins anew; the cost is the same.
+            // A board that restarts within the capture begins again; the cost is the same.
             let aligned = match message {
                 Message::Sonar(sonar) => aligner.sonar(sonar, *at, |_| sweeps += 1),
                 Message::Encoder(encoder) => aligner.encoder(encoder, *at),

@@ -1,4 +1,4 @@
-//! The robot in Home Assistant: Debian's mosquitto is the broker, and `mosquitto_sub` is told what Home Assistant would be.
+//! The robot in Home Assistant: Debian's mosquitto is the broker, and `mosquitto_sub` receives what Home Assistant would.
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 

@@ -24,7 +24,7 @@ use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 const SIZE: &str = "1600x900";
-/// A process that is told to end is gone within this.
+/// Maximum time from the signal to the end of a process.
 const END: Duration = Duration::from_secs(2);
 /// What a session with a viewer may take at most, KiB.
 const MAX_KIB: u64 = 300_000;
@@ -56,7 +56,7 @@ for path, count in sorted(rows.items()):
     print(path, count)
 ";
 
-/// The picture in the README is made anew by `WRITE_GOLDEN=1 cargo test --test doors picture`.
+/// The picture in the README is rewritten by `WRITE_GOLDEN=1 cargo test --test doors picture`.
 #[test]
 fn a_recording_is_whole_and_its_picture_shows_map_and_robot() {
     let _machine = MACHINE.lock();
@@ -76,7 +76,7 @@ fn a_recording_is_whole_and_its_picture_shows_map_and_robot() {
             rows.lines().find(|line| line.split(' ').next() == Some(path)).unwrap_or_else(|| panic!("{path}: {rows}"));
         line.split(' ').nth(1).unwrap().parse().unwrap()
     };
-    // Nothing is dropped where nobody is in a hurry.
+    // A replay waits for its viewers, so nothing is dropped.
     assert_eq!(count("/map/odom/base_link"), sweeps, "one transform per pose");
     assert_eq!(count("/map/odom"), sweeps);
     assert_eq!(count("/map/covariance"), sweeps);

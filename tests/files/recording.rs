@@ -19,7 +19,7 @@ fn chunk(i: u64) -> Chunk {
 
 const SECOND: u64 = 50;
 
-/// A tape on a disk, what it was given, and what it said.
+/// A tape on a disk, what it was given, and its notices.
 struct Run {
     disk: FaultyDisk,
     tape: Tape<FaultyDisk>,

@@ -38,11 +38,10 @@ fn second_half(config: &Config, records: &[Record], state: SavedState) -> (Raste
     let mut driver = driver(config, Start::Resume(Box::new(state)));
     let mut events = Vec::new();
     let mut take = |driver: &mut Driver, record: &Record| {
-        driver.feed(record, |_, update| match update {
-            Update::Event(event @ (Event::Estimate(_) | Event::Fault(_) | Event::Localization(_))) => {
+        driver.feed(record, |_, update| {
+            if let Update::Event(event @ (Event::Estimate(_) | Event::Fault(_) | Event::Localization(_))) = update {
                 events.push(format!("{event:?}"));
             }
-            _ => {}
         });
     };
     let at_s = |record: &&Record| record.at().seconds();

@@ -74,7 +74,7 @@ fn each_layer_goes_over_the_one_before_and_tells_where_it_is() {
     }
     assert!(text.contains("\ncell_m = 0.05"), "{text}");
     assert!(Config::from_toml(&text).is_ok(), "{text}");
-    // A named file takes the place of the one that nobody has named, and of what is beside that.
+    // A named file replaces the default file and the files beside it.
     let (_, text, _) = home.slamd(&["config", "show", "--config", "other.toml"], &[]);
     assert!(text.contains("cell_m = 0.1  # other.toml:1") && text.contains("wheel_ratio = 1.0\n"), "{text}");
 }

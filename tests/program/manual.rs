@@ -38,7 +38,7 @@ fn give(mut command: Command, text: &[u8]) -> Option<Output> {
     Some(output)
 }
 
-/// The commands that the help tells.
+/// The commands that the help lists.
 fn commands() -> Vec<String> {
     let help = String::from_utf8(slamd(&["--help"]).stdout).unwrap();
     let lines = help.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());

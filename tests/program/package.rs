@@ -57,7 +57,7 @@ fn package(folder: &Path, version: &str) -> PathBuf {
     let file = folder.join(format!("slamd-{version}.deb"));
     let mut command = Command::new(cargo_deb());
     command.args(["--no-build", "--quiet", "--offline", "--profile", name, "--deb-version", version]);
-    // Packed quickly, and without the debugging symbols that nobody needs here.
+    // Packed quickly, without debugging symbols.
     command.args(["--strip", "--compress-type", "gz", "--compress-system", "--fast", "--output"]).arg(&file);
     command.env("CARGO_TARGET_DIR", target).current_dir(env!("CARGO_MANIFEST_DIR"));
     let output = command.output().unwrap();

@@ -1,4 +1,4 @@
-//! What the real program tells the service manager: ready, status, stopping, and a watchdog that only the pipeline's own loop feeds.
+//! What the real program reports to the service manager: ready, status, stopping, and a watchdog that only the pipeline's own loop feeds.
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
@@ -122,7 +122,7 @@ fn it_is_ready_without_a_board_tells_its_state_and_feeds_the_watchdog() {
     let ready = manager.heard.iter().filter(|(_, message)| message.contains("READY=1")).count();
     assert_eq!(ready, 1, "{:?}", manager.heard);
 
-    // What was learnt is there the next time, and the file need not have been there the first time.
+    // The saved state is there the next time; the first time the file need not exist.
     assert!(folder.path().join("home.session").exists());
     let mut again = Daemon::run(program(folder.path(), place.to_str().unwrap()));
     let _board = Plugged::new(&folder.path().join("board"), Device::new(Board::broken(1, &["3:missing"]), 1));
@@ -152,7 +152,7 @@ fn a_pipeline_that_hangs_does_not_feed_the_watchdog() {
     manager.listen(PATIENCE);
     assert_eq!(manager.listen(PATIENCE), 0, "the pipeline hangs, and yet the watchdog is fed: {:?}", manager.heard);
     assert!(child.try_wait().unwrap().is_none(), "it runs");
-    // It goes on where somebody reads again.
+    // It continues when the socket is read again.
     let reader = std::thread::spawn(move || {
         let mut text = Vec::new();
         log.read_to_end(&mut text).unwrap();

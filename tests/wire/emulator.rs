@@ -153,7 +153,7 @@ fn in_pairs(drives: u64) -> Vec<(Accuracy, Accuracy)> {
     pairs.into_iter().map(|(_, pair)| pair).collect()
 }
 
-/// After a change of the firmware the capture is made anew: `WRITE_GOLDEN=1 cargo test --test wire golden`.
+/// After a change of the firmware the capture is rewritten: `WRITE_GOLDEN=1 cargo test --test wire golden`.
 #[test]
 fn the_firmware_sends_the_golden_capture_to_the_bit() {
     const SEED: u64 = 1;

@@ -2,7 +2,7 @@
 
 use slamd_testkit::simulating;
 
-/// The first seeds; every kind of trouble is among them.
+/// The first seeds; every kind of disturbance is among them.
 const SEEDS: u64 = 24;
 
 #[test]

@@ -18,12 +18,12 @@ pub(crate) struct Options {
     /// Only the tests; print the table, write nothing
     #[arg(long)]
     short: bool,
-    /// Run nothing: write the promises and the names of their tests anew, and leave verdicts and figures as they are
+    /// Run nothing: rewrite the promises and the names of their tests, and leave verdicts and figures as they are
     #[arg(long, conflicts_with_all = ["part", "short"])]
     names: bool,
 }
 
-/// What a program said, and whether it succeeded.
+/// A program's output, and whether it succeeded.
 struct Outcome {
     is_kept: bool,
     said: String,
@@ -115,7 +115,7 @@ fn page() -> PathBuf {
     slamd_testkit::root().join("docs/reliability.md")
 }
 
-/// The page with the promises and their tests written anew. The order of [`PROMISES`] is that of the rows.
+/// The page with the promises and their tests rewritten. The order of [`PROMISES`] is that of the rows.
 fn with_names(page: &str) -> String {
     let (before, rest) = page.split_once("| promise |").expect("the page has its table");
     let (rows, after) = rest.split_once("\n\n").expect("the long runs follow");
@@ -152,7 +152,7 @@ pub(crate) fn run(options: &Options) {
         let (longer, are_kept_longer) = longer(part);
         are_kept &= are_kept_longer;
         let text = format!(
-            "# Reliability\n\nEach promise, the test that keeps it, and how it fared. Written by `cargo xtask reliability --part {part}`, \
+            "# Reliability\n\nEach promise, the test that keeps it, and the result. Written by `cargo xtask reliability --part {part}`, \
              which ran the tests in {seconds:.0} s (CI runs them at each change) and the long runs at {part} of their full \
              length. Promises about access from outside are in [SECURITY.md](../SECURITY.md).\n\n{table}{longer}"
         );

@@ -227,7 +227,7 @@ fn quantiles(errors_m: &[f64]) -> String {
     format!("{median:.3} / {p90:.3} / {worst:.3}")
 }
 
-/// Seconds from each fault until it was told, of those that were.
+/// Seconds from each fault until it was reported, of those that were.
 fn found_s(drive: &Drive, outcome: &Outcome) -> Vec<f64> {
     let sensors = drive.sensor_faults.iter().filter_map(|fault| {
         let is_it = |sensor: usize| sensor == usize::from(fault.sensor);

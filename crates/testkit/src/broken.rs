@@ -49,7 +49,7 @@ pub struct Outcome {
     pub locks: Vec<LocalizationEvent>,
 }
 
-/// How far off a sweep's pose was, and what was said of it.
+/// The error of a sweep's pose, and the uncertainty that was stated.
 #[derive(Clone, Copy, Debug)]
 pub struct Told {
     /// In the map frame as it is defined, which is what the pose and its covariance are of, metres.
@@ -62,7 +62,7 @@ pub struct Told {
 
 /// Errors that a drive with broken sensors may have, as a ratio to the whole drive's.
 pub const MAX_RATIO: f64 = 1.5;
-/// Nobody minds less: a sweep's error, and a drive's, which is the noise of one reading, metres.
+/// Errors below these do not matter: of a sweep, and of a drive, which is the noise of one reading, metres.
 pub const MIN_ERROR_M: f64 = 0.05;
 pub const MIN_RMS_M: f64 = 0.02;
 
@@ -162,7 +162,8 @@ impl Outcome {
         self.rms_m > MAX_RATIO * whole.rms_m && self.rms_m > MIN_RMS_M
     }
 
-    /// Of the sweeps that are farther off than 1.5 times the whole drive's greatest error, the share that say so; none where there are none.
+    /// Of the sweeps with errors above 1.5 times the whole drive's greatest error, the share whose stated uncertainty covers the
+    /// error; none if there are no such sweeps.
     pub fn covered(&self, whole: &Self) -> Option<f64> {
         let limit_m = (MAX_RATIO * whole.worst_m).max(MIN_ERROR_M);
         let off: Vec<_> = self.sweeps.iter().filter(|told| told.error_m > limit_m).collect();

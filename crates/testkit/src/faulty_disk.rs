@@ -120,7 +120,7 @@ impl Write for FaultyFile {
             IoMode::Short(most) => bytes.len().min(*most),
             IoMode::Working | IoMode::Stale => bytes.len(),
         };
-        // A file that was deleted is still written to by who has it open.
+        // A deleted file can still be written through an open handle.
         if let Some(file) = files.get_mut(&self.part) {
             file.extend(&bytes[..count]);
         }

@@ -1,4 +1,4 @@
-//! Worse than the world: raw bytes and files that nobody would write, from one seed, against the code that reads them.
+//! Fuzzing: random bytes and damaged files, from one seed, against the code that reads them.
 //!
 //! Nothing may panic, nor take memory or work out of proportion to what was given.
 

@@ -118,7 +118,7 @@ pub struct Outcome {
     /// Error at each sweep, squared and summed, and their number.
     pub square_sum_m2: f64,
     pub sweeps: f64,
-    /// What the robot said of its position.
+    /// The robot's messages about its position.
     pub said: Vec<String>,
 }
 

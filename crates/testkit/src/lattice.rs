@@ -1,7 +1,7 @@
 //! A robot that drives laps for ever through a building of corridors, with a real board and a real pipeline, at no cost to speak of.
 //!
 //! The corridors run on a lattice, so around every crossing the building looks the same and only one cell of it is ever looked at: it may be a
-//! kilometre wide. What the ring hears on one lap is kept and heard again on the next; stamps, sequence numbers and wheel counts go on, and the
+//! kilometre wide. The echoes of one lap are kept and repeated on the next; stamps, sequence numbers and wheel counts go on, and the
 //! lap is closed, so the building stays where it is.
 
 use slamd_core::{Config, Event, Input, Output, Pipeline, Point, Pose2, Ring, Timestamp, wrap_angle};
@@ -60,7 +60,7 @@ impl Plan {
     }
 }
 
-/// One fired group of the lap: what it heard, millimetres, 0 for no echo, and how far the wheels had rolled by then, metres.
+/// One fired group of the lap: its ranges, millimetres, 0 for no echo, and how far the wheels had rolled by then, metres.
 struct Slot {
     heard_mm: [u16; 8],
     wheels_m: [f64; 2],
@@ -179,7 +179,7 @@ fn lap(plan: Plan, ring: &Ring, base_m: f64, hours: f64) -> Vec<Slot> {
     listener.slots
 }
 
-/// Drives the lap and writes down what is heard.
+/// Drives the lap and records the echoes.
 struct Listener<'a> {
     plan: Plan,
     cell: World,

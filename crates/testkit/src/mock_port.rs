@@ -137,7 +137,7 @@ impl Device {
         bytes
     }
 
-    /// Bytes that the board hears; what it says at once.
+    /// Passes bytes to the board and returns its immediate answer.
     fn hear(&mut self, bytes: &[u8]) -> Vec<u8> {
         match &mut self.board {
             Board::Robot(simulation) | Board::Restarting(simulation, _) => {
@@ -252,7 +252,7 @@ impl Plugged {
         Self { name: name.into(), shared, thread: Some(thread) }
     }
 
-    /// Pulls the cable; the device goes on without a host.
+    /// Pulls the cable; the device keeps running without a host.
     pub fn unplug(mut self) -> Device {
         self.pull().expect("it was plugged in")
     }

@@ -72,9 +72,9 @@ impl Drop for Mosquitto {
 pub struct Subscriber {
     process: Child,
     lines: Receiver<String>,
-    /// What was said last, by topic.
+    /// The last message of each topic.
     pub told: BTreeMap<String, Vec<u8>>,
-    /// The same, of what was said before it came.
+    /// The same, of messages from before it subscribed.
     pub retained: BTreeMap<String, Vec<u8>>,
 }
 
@@ -93,7 +93,7 @@ impl Subscriber {
         Self { process, lines, told: BTreeMap::new(), retained: BTreeMap::new() }
     }
 
-    /// Listens until what was told so far is enough.
+    /// Listens until the messages so far are enough.
     ///
     /// # Panics
     /// Where that does not happen in time.

@@ -8,7 +8,7 @@ use slamd_sim::link::LinkFaults;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Plays the board until told to end: `speed` 2 is in haste.
+/// Plays the board until it is stopped: `speed` 2 is twice real time.
 #[expect(clippy::disallowed_methods, reason = "a board in real time is a clock")]
 pub fn play(mut terminal: Terminal, speed: u32, end: &AtomicBool) {
     let mut simulation = simulation(1, LinkFaults::default(), 36_000.0);

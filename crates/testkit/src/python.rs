@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Its interpreter; the environment is made anew where it cannot import `modules`.
+/// Its interpreter; the environment is rebuilt if it cannot import `modules`.
 pub fn python(target: &str, name: &str, modules: &str, packages: &[&str]) -> PathBuf {
     let folder = Path::new(target).join(name);
     let python = folder.join("bin/python");

@@ -74,7 +74,7 @@ fn commit() -> String {
     output.map_or_else(|| "unknown".into(), |output| String::from_utf8_lossy(&output.stdout).trim().into())
 }
 
-/// Runs the seeds on all cores; each is told when it is done.
+/// Runs the seeds on all cores and calls back after each.
 pub fn simulate_all(seeds: std::ops::Range<u64>, done: impl Fn() + Sync) -> Met {
     let next = std::sync::atomic::AtomicU64::new(seeds.start);
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZeroUsize::get);

@@ -55,7 +55,7 @@ pub fn python(script: &str, argument: &Path) -> String {
     run(Command::new(python).env("HOME", home).args(["-c", script]).arg(argument), "python")
 }
 
-/// A port that nobody listens on.
+/// A free port.
 pub fn free_port() -> u16 {
     TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
 }

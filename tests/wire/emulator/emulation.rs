@@ -11,7 +11,7 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 /// Bytes wait this long in the USB bridge.
 const LATENCY_US: u64 = 4_000;
-/// The host is told the truth this often.
+/// Period of the true pose.
 const TRUTH_US: u64 = 20_000;
 
 /// The runner and the firmware's image, built once.

@@ -51,7 +51,7 @@ impl Host for Wire {
         let late = now.saturating_duration_since(due);
         self.late = self.late.max(late);
         if late > MAX_LATE {
-            // A board does not hurry to catch up, and nobody would read that fast.
+            // A board does not send faster to catch up.
             self.begin += late;
             self.begin_unix_us += u64::try_from(late.as_micros()).expect("not that late");
         }
@@ -64,7 +64,7 @@ impl Host for Wire {
     }
 }
 
-/// A session in the emulated time, and where asked for the capture of all that it hears and says.
+/// A session in the emulated time, and on request the capture of all that it reads and writes.
 pub struct Recording {
     session: Session,
     capture: Option<CaptureWriter>,
@@ -105,7 +105,7 @@ impl Host for Recording {
     }
 }
 
-/// Says what a capture's host said, and notes what the board sends.
+/// Sends what a capture's host sent, and notes what the board sends.
 pub struct Script {
     sent: Vec<(u64, Vec<u8>)>,
     next: usize,

@@ -19,7 +19,7 @@ struct Caused {
     allocations: u64,
     bytes: u64,
     sweeps: u64,
-    /// Something was said in words, or asked.
+    /// A message was logged, or something was requested.
     said: bool,
 }
 

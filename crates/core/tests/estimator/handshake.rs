@@ -168,7 +168,7 @@ fn a_cable_that_was_out_costs_no_pose_whether_or_not_the_board_restarted() {
             assert!(rig.now_us < opened_us + 3_500_000, "no sweep 3.5 s after the port was opened");
         }
         let within_ms = (rig.now_us - opened_us) / 1000;
-        // A board that goes on is used at once; one that waits for the host may be spoken to after 2.5 s.
+        // A board that keeps sending is used at once; one that waits for the host may be addressed after 2.5 s.
         assert!(within_ms < if restarts { 3_000 } else { 300 }, "{within_ms} ms, restarts: {restarts}");
         rig.run_s(10.0);
         assert_eq!(rig.pipeline.counters().restarts, u64::from(restarts));

@@ -1,4 +1,4 @@
-//! The link's states and words without a port: what is heard goes in, changes and remedies come out.
+//! The link's states and messages without a port: received bytes go in, changes and recovery actions come out.
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 

@@ -19,7 +19,7 @@ struct Drive {
     occupied: usize,
 }
 
-/// Two minutes through the flat; the board hears the host through a good line, the host the board through this one.
+/// Two minutes through the flat; the line from the host to the board is good, the line from the board to the host is this one.
 fn drive(link: LinkFaults) -> Drive {
     let mut simulation = Simulation::new(SimConfig {
         world: World::named("flat").unwrap(),

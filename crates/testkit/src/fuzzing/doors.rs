@@ -130,7 +130,7 @@ pub fn read_capture(bytes: &[u8]) -> bool {
     true
 }
 
-/// Reads a session and goes on with it. True where it can be read.
+/// Reads a session file and resumes from it. True if it can be read.
 pub fn read_session(bytes: &[u8]) -> bool {
     let Ok(memory) = session_file::decode(bytes) else { return false };
     for start in [Start::Resume(Box::new(memory.clone())), Start::Localize(Box::new(memory))] {
@@ -148,7 +148,7 @@ pub fn read_sealed_session(payload: &[u8]) -> bool {
     read_session(&bytes)
 }
 
-/// Reads the map of a session, finds a robot's ring in it and goes on with it. True where the map can be one.
+/// Reads the map of a session file, localizes a robot in it and continues. True if the map is valid.
 pub fn read_map(map: &[u8], mut session: SavedState) -> bool {
     let Ok(map) = postcard::from_bytes::<MapState>(map) else { return false };
     session.map = map;
@@ -158,7 +158,7 @@ pub fn read_map(map: &[u8], mut session: SavedState) -> bool {
     begun.iter().all(Result::is_ok)
 }
 
-/// A robot whose ring and wheels are known before the board has said a word.
+/// A robot whose ring and wheels are known before the board sends anything.
 pub fn ring_config() -> Config {
     let text = "[robot]\nticks_per_turn = 1440\n[ring.circle]\ncount = 16\nradius_m = 0.15\nhalf_angle_deg = 12.5\n";
     Config::from_toml(text).expect("sound")

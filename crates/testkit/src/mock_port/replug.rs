@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 /// What was measured.
 #[derive(Debug)]
 pub struct Replugs {
-    /// From the node's return to the first sweep heard, milliseconds, sorted.
+    /// From the node's return to the first sweep, milliseconds, sorted.
     pub recovered_ms: Vec<f64>,
     /// File descriptors after the first tenth and at the end.
     pub descriptors: [usize; 2],
@@ -21,7 +21,7 @@ pub struct Replugs {
 const BOOT: Duration = Duration::from_millis(150);
 const ABSENCE: Duration = Duration::from_secs(5);
 
-/// Unplugs and replugs a robot; every other time its board has its supply from the host and begins anew.
+/// Unplugs and replugs a robot; every other time its board is powered by the host and restarts.
 #[expect(clippy::disallowed_methods, reason = "the test measures in real time")]
 pub fn replug(cycles: u64, mut progress: impl FnMut()) -> Replugs {
     let folder = tempfile::tempdir().expect("a folder");

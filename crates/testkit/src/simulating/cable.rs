@@ -92,7 +92,7 @@ impl Cable {
         }
     }
 
-    /// The host wrote bytes; what the board hears of them.
+    /// The host wrote bytes; returns what the board receives.
     pub fn down(&mut self, at: u64, bytes: &[u8]) -> Vec<u8> {
         self.pass(at, bytes).unwrap_or_default()
     }

@@ -32,7 +32,7 @@ impl Ledger {
         self.end();
     }
 
-    /// The program on the host begins anew.
+    /// The program on the host restarts.
     pub fn begins(&mut self) {
         self.open.clear();
         (self.accepted, self.rejected) = (0, 0);

@@ -302,7 +302,7 @@ impl Life<'_> {
     }
 }
 
-/// So long after the last trouble the ring is heard and poses are fresh.
+/// So long after the last disturbance sweeps arrive and poses are fresh.
 const RECOVERED_US: u64 = 15 * SECOND_US;
 const FRESH_S: f64 = 0.4;
 /// The sweeps before the building's axis is known are used up within this.

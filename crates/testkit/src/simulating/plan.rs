@@ -57,7 +57,7 @@ pub enum Happening {
     Death { power_cut: bool },
 }
 
-/// What goes on while the machine sleeps.
+/// What keeps running while the machine sleeps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sleep {
     /// The host's clock and the board.

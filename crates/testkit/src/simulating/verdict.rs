@@ -52,7 +52,7 @@ fn read(remains: &Remains, plan: &Plan) -> Vec<Record> {
     records
 }
 
-/// The recording is what was given to it, in its order; what lacks was said. True where nothing does.
+/// The recording holds what was given to it, in order; missing chunks were reported. True if none is missing.
 fn recording(remains: &Remains, plan: &Plan, given: &[Record]) -> bool {
     let held = read(remains, plan);
     let mut rest = given.iter();
@@ -99,7 +99,7 @@ fn same(live: &Session, again: &Session) {
     assert_eq!(live.pipeline().counters(), again.pipeline().counters(), "counted live and replayed");
 }
 
-/// Restarts are told where the board has restarted, and nowhere else.
+/// Restarts are reported where the board restarted, and nowhere else.
 fn restarts(world: &mut World, remains: &Remains) {
     let told = remains.watch.borrow().restarts;
     world.met.restarts_told += told;

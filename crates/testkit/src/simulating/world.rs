@@ -29,7 +29,7 @@ pub struct World {
     stalled_until: u64,
     /// The program has been killed; with the power cut or not.
     pub died: Option<bool>,
-    /// The end of the last trouble.
+    /// The end of the last disturbance.
     pub calm_since_us: u64,
     /// Where the robot truly was, by the host's clock.
     pub truths: Vec<(u64, Pose2)>,
@@ -84,7 +84,7 @@ impl World {
         self.robot.hear(Timestamp::from_us(self.t_us), &heard);
     }
 
-    /// Time goes on.
+    /// Advances time.
     pub fn advance(&mut self, us: u64) {
         let until_us = self.t_us + us;
         while let Some((at, happening)) = self.happenings.pop_front_if(|(at, _)| *at <= until_us) {
@@ -159,7 +159,7 @@ impl World {
         self.robot.restart_board();
     }
 
-    /// The port is there and nobody else has it.
+    /// The port exists and is not held by another program.
     pub fn open(&mut self, baud: u32) -> bool {
         let is_free = self.cable.is_free(self.t_us);
         if is_free {
