@@ -206,7 +206,7 @@ fn map_and_pose_go_on_when_the_port_returns_under_another_name() {
         .collect();
     assert!(poses.len() > 60, "{} poses", poses.len());
     for pair in poses.windows(2) {
-        let way_m = (pair[1][1] - pair[0][1]).hypot(pair[1][2] - pair[0][2]);
+        let way_m = libm::hypot(pair[1][1] - pair[0][1], pair[1][2] - pair[0][2]);
         let seconds = pair[1][0] - pair[0][0];
         assert!(way_m < 0.1 + 0.6 * seconds, "{way_m} m in {seconds} s");
     }
