@@ -112,3 +112,17 @@ impl Stages {
         self.replace_map(OccupancyGrid::with_params(self.grid.cell_m(), *self.grid.params()));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_discarded_map_leaves_its_constants() {
+        let mut params = params::Params::default();
+        params.mapping.wall = 34;
+        let mut stages = Stages::new(&Config::default(), &Ring::default(), &params);
+        stages.discard_map();
+        assert_eq!(*stages.grid.params(), params.mapping);
+    }
+}

@@ -58,3 +58,26 @@ impl OccupancyGrid {
         Ok(grid)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Point;
+
+    #[test]
+    fn a_saved_map_fits_other_bounds_and_keeps_what_lies_within() {
+        let (near, far) = (Point::new(0.0, 0.0), Point::new(3.0, 0.0));
+        let mut grid = OccupancyGrid::new(0.05);
+        grid.add(grid.cell(near), 400);
+        grid.add(grid.cell(far), -100);
+        let narrow = Params { ceiling: 320, ..Params::default() };
+        let restored = OccupancyGrid::restore_with_params(&grid.saved_state(), narrow).unwrap();
+        assert_eq!([near, far].map(|point| restored.log_odds(restored.cell(point))), [320, -100]);
+
+        let wide = Params { ceiling: 480, ..Params::default() };
+        let mut grid = OccupancyGrid::with_params(0.05, wide);
+        grid.add(grid.cell(near), 480);
+        assert!(OccupancyGrid::restore_with_params(&grid.saved_state(), wide).is_ok());
+        assert!(OccupancyGrid::restore(&grid.saved_state()).is_err());
+    }
+}
