@@ -1,6 +1,6 @@
-//! The only select loop: the serial port, the deadlines, the end.
+//! The daemon's select loop over serial port, deadlines and shutdown.
 
-use crate::port::{self, PortName, Trouble};
+use crate::port::{self, PortError, PortName};
 use crate::recorder::{Chunk, Recorder};
 use crate::session_file::Saver;
 use crate::source::live::LiveSession;
@@ -20,7 +20,7 @@ use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::Notify;
 use tokio_serial::{SerialPort, SerialStream};
 
-/// How a live session is run.
+/// Options of a live session.
 #[derive(Clone, Copy, Debug)]
 pub struct Options<'a> {
     /// The serial port.
@@ -31,12 +31,12 @@ pub struct Options<'a> {
     pub exit_on_hangup: bool,
 }
 
-/// A live session that cannot begin: signals cannot be heard.
+/// A live session cannot begin because signal handlers cannot be installed.
 #[derive(Debug, thiserror::Error)]
-#[error("signals cannot be heard: {0}")]
+#[error("cannot handle signals: {0}")]
 pub struct DaemonError(pub std::io::Error);
 
-/// Session time. It goes on while the machine sleeps, as the board's clock and the calendar do.
+/// Session time. It continues during system suspend, as the board's clock and the calendar do.
 #[derive(Clone, Copy, Debug)]
 pub struct SessionClock {
     begin: Duration,
@@ -56,16 +56,16 @@ impl SessionClock {
     }
 }
 
-/// [`Instant`] would stand still while the machine sleeps.
+/// Time since boot, suspend included; [`Instant`] would stop during suspend.
 fn since_boot() -> Duration {
     let now = rustix::time::clock_gettime(rustix::time::ClockId::Boottime);
     Duration::new(u64::try_from(now.tv_sec).unwrap_or_default(), u32::try_from(now.tv_nsec).unwrap_or_default())
 }
 
-/// Sees how it fares, between any two steps: the line, and the session once there is one. It must not wait.
+/// Called between any two steps with the link and, once there is one, the session. It must not block.
 pub type Observer<'a> = dyn FnMut(&Link, Option<&Session>) + 'a;
 
-/// What ends a session: Ctrl-C, SIGTERM, its time is over, or somebody asks for it.
+/// What ends a session: Ctrl-C, SIGTERM, the end of its duration, or a notification.
 #[derive(Debug)]
 pub struct Shutdown {
     asked: Arc<Notify>,
@@ -75,10 +75,10 @@ pub struct Shutdown {
 }
 
 impl Shutdown {
-    /// Listens for signals, and ends after `duration` where that is given.
+    /// Listens for signals, and ends after `duration` if given.
     ///
     /// # Errors
-    /// When signals cannot be heard.
+    /// When signal handlers cannot be installed.
     pub fn new(duration: Option<Duration>) -> Result<Self, DaemonError> {
         Ok(Self {
             asked: Arc::default(),
@@ -88,13 +88,13 @@ impl Shutdown {
         })
     }
 
-    /// Notify this, from any thread, to end the session.
+    /// Notify this from any thread to end the session.
     #[must_use]
     pub fn asked(&self) -> Arc<Notify> {
         Arc::clone(&self.asked)
     }
 
-    /// Returns when the session shall end.
+    /// Returns when the session must end.
     pub async fn requested(&mut self) {
         let end = self.end;
         let is_over = async {
@@ -112,9 +112,9 @@ impl Shutdown {
     }
 }
 
-/// A missing port is looked for this often: its return should not be waited for.
-const LOOK: Duration = Duration::from_millis(100);
-/// A port that is there but cannot be opened is tried again after this long, then twice as long, up to the last.
+/// Search period for a missing port: short, so that a replugged board is used at once.
+const SEARCH_PERIOD: Duration = Duration::from_millis(100);
+/// The first wait before a port that exists but cannot be opened is tried again; it doubles up to the last.
 const FIRST_RETRY: Duration = Duration::from_millis(250);
 const LAST_RETRY: Duration = Duration::from_secs(2);
 
@@ -126,20 +126,20 @@ pub struct OpenPort {
 
 const CHUNK: usize = 4096;
 
-/// What went over the line.
+/// A completed read or write.
 enum Traffic {
-    /// With the instant when the read returned.
+    /// The bytes, with the time when the read returned.
     Read(Instant, Bytes),
-    /// So many of the outgoing bytes.
+    /// The number of outgoing bytes written.
     Wrote(usize),
 }
 
 impl OpenPort {
-    /// Does what may bring a silent line back; why the port must be closed, where it must.
-    fn heal(&mut self, remedy: Remedy) -> Option<String> {
+    /// Applies a recovery action. Returns why the port must be closed, if it must.
+    fn apply(&mut self, remedy: Remedy) -> Option<String> {
         match remedy {
             Remedy::Baud(baud) => self.stream.set_baud_rate(baud).err().map(|error| error.to_string()),
-            Remedy::Reopen => Some("silent for 10 s: the port is closed and opened anew".into()),
+            Remedy::Reopen => Some("silent for 10 s: reopening the port".into()),
         }
     }
 
@@ -149,7 +149,7 @@ impl OpenPort {
 
     #[expect(
         clippy::disallowed_methods,
-        reason = "how late a pose is begins here; it is reported, and changes nothing"
+        reason = "the latency of a pose is measured from here; it is reported and changes nothing"
     )]
     fn poll_traffic(&mut self, context: &mut Context<'_>, outgoing: Option<&[u8]>) -> Poll<std::io::Result<Traffic>> {
         if let Some(outgoing) = outgoing
@@ -162,40 +162,40 @@ impl OpenPort {
         ready!(Pin::new(&mut self.stream).poll_read(context, &mut read))?;
         let now = Instant::now();
         Poll::Ready(match read.filled() {
-            // A hang-up: it would be read for ever.
+            // A hang-up: further reads would return nothing for ever.
             [] => Err(std::io::Error::other("it hung up")),
             bytes => Ok(Traffic::Read(now, Bytes::copy_from_slice(bytes))),
         })
     }
 }
 
-/// Opens the port, and tries for as long as it takes; `now` is session time, zero before there is a session. None where the end was requested first.
+/// Opens the port, and retries without limit; `now` is session time, zero before there is a session. None if the end was requested first.
 ///
 /// # Errors
-/// Why the port cannot be opened, where nobody shall wait for it.
+/// Why the port cannot be opened, if `options.exit_on_hangup` forbids waiting.
 pub async fn search(
     options: Options<'_>,
     link: &mut Link,
     now: impl Fn() -> Timestamp,
     shutdown: &mut Shutdown,
     observe: &mut dyn FnMut(&Link),
-) -> Result<Option<OpenPort>, Trouble> {
+) -> Result<Option<OpenPort>, PortError> {
     let mut retry = FIRST_RETRY;
     loop {
         let opened = options.port.resolve().and_then(|path| {
             let stream = port::open(&path, link.baud())?;
             Ok(OpenPort { name: path.display().to_string(), stream })
         });
-        let trouble = match opened {
+        let error = match opened {
             Ok(opened) => return Ok(Some(opened)),
-            Err(trouble) if options.exit_on_hangup => return Err(trouble),
-            Err(trouble) => trouble,
+            Err(error) if options.exit_on_hangup => return Err(error),
+            Err(error) => error,
         };
-        link.closed(now(), trouble.to_string());
-        tell(link);
+        link.closed(now(), error.to_string());
+        log_changes(link);
         observe(link);
-        let wait = if trouble.is_missing() { LOOK } else { retry };
-        retry = if trouble.is_missing() { FIRST_RETRY } else { (retry * 2).min(LAST_RETRY) };
+        let wait = if error.is_missing() { SEARCH_PERIOD } else { retry };
+        retry = if error.is_missing() { FIRST_RETRY } else { (retry * 2).min(LAST_RETRY) };
         tokio::select! {
             () = tokio::time::sleep(jittered(wait)) => {}
             () = shutdown.requested() => return Ok(None),
@@ -203,8 +203,8 @@ pub async fn search(
     }
 }
 
-/// From one line of statistics in the log to the next.
-const STATISTICS: Duration = Duration::from_secs(300);
+/// Period of the statistics in the log.
+const STATISTICS_PERIOD: Duration = Duration::from_secs(300);
 
 /// What woke the loop.
 enum Wake {
@@ -213,19 +213,19 @@ enum Wake {
     End,
 }
 
-/// What a live session feeds.
+/// The parts of a live session.
 pub struct Live<'a> {
     /// Session time.
     pub clock: SessionClock,
     /// The pipeline and its outputs.
     pub session: &'a mut Session,
-    /// Where the traffic is recorded.
+    /// Records the traffic.
     pub recorder: &'a mut Option<Recorder>,
-    /// Where what is known is saved for the next session.
+    /// Saves the state for the next session.
     pub saver: &'a mut Option<Saver>,
 }
 
-/// Runs until the end is requested, or a hang-up where that is the end.
+/// Runs until the end is requested, or until a hang-up if `options.exit_on_hangup` is set.
 pub async fn run(
     options: Options<'_>,
     mut port: OpenPort,
@@ -236,61 +236,61 @@ pub async fn run(
 ) {
     let Live { clock, session, recorder, saver } = live;
     let now = || clock.now();
-    let mut line = LiveSession::begin(port.name.clone(), now(), link, session);
-    let mut statistics = Timestamp::default() + STATISTICS;
+    let mut live = LiveSession::begin(port.name.clone(), now(), link, session);
+    let mut statistics = Timestamp::default() + STATISTICS_PERIOD;
     loop {
-        let (link, session) = line.parts();
-        tell(link);
-        tell_statistics(session, &mut statistics);
+        let (link, session) = live.parts();
+        log_changes(link);
+        log_statistics(session, &mut statistics);
         observe(link, Some(session));
-        let wait = Duration::from_micros(line.deadline().us().saturating_sub(now().us()));
+        let wait = Duration::from_micros(live.deadline().us().saturating_sub(now().us()));
         let wake = tokio::select! {
-            traffic = port.traffic(line.outgoing()) => Wake::Traffic(traffic),
+            traffic = port.traffic(live.outgoing()) => Wake::Traffic(traffic),
             () = tokio::time::sleep(wait) => Wake::Deadline,
             () = shutdown.requested() => Wake::End,
         };
         let (mut gone, mut hung_up) = (None, false);
         let chunk = match wake {
             Wake::Traffic(Ok(Traffic::Read(read, bytes))) => {
-                let chunk = line.read(now(), bytes);
-                line.parts().1.delay(read.elapsed());
+                let chunk = live.read(now(), bytes);
+                live.parts().1.delay(read.elapsed());
                 Some(chunk)
             }
-            Wake::Traffic(Ok(Traffic::Wrote(count))) => Some(line.wrote(now(), count)),
+            Wake::Traffic(Ok(Traffic::Wrote(count))) => Some(live.wrote(now(), count)),
             Wake::Traffic(Err(error)) => {
-                (gone, hung_up) = (Some(format!("{} is gone: {error}", line.port())), true);
+                (gone, hung_up) = (Some(format!("{} is gone: {error}", live.port())), true);
                 None
             }
             Wake::Deadline => {
-                line.tick(now());
+                live.tick(now());
                 None
             }
             Wake::End => return,
         };
         record(recorder, chunk);
         if let Some(saver) = saver {
-            let (_, session) = line.parts();
+            let (_, session) = live.parts();
             saver.tick(session.now(), || session.saved_state());
         }
         if recorder.as_mut().is_some_and(Recorder::take_new_part) {
-            line.introduce();
+            live.introduce();
         }
-        gone = gone.or_else(|| port.heal(line.take_remedy()?));
+        gone = gone.or_else(|| port.apply(live.take_remedy()?));
         if let Some(cause) = gone {
-            line.closed(now(), cause);
-            tell(line.parts().0);
+            live.closed(now(), cause);
+            log_changes(live.parts().0);
             if hung_up && options.exit_on_hangup {
                 return;
             }
-            // Closed at once: else the device is renamed when it returns.
+            // Closes the port at once; while it is open, the kernel gives a returning device another name.
             drop(port);
-            let (link, session) = line.parts();
+            let (link, session) = live.parts();
             let mut look = |link: &Link| observe(link, Some(session));
             let Ok(Some(found)) = search(options, link, now, shutdown, &mut look).await else {
                 return;
             };
             port = found;
-            record(recorder, Some(line.reopened(port.name.clone(), now())));
+            record(recorder, Some(live.reopened(port.name.clone(), now())));
         }
     }
 }
@@ -301,8 +301,8 @@ fn record(recorder: &mut Option<Recorder>, chunk: Option<Chunk>) {
     }
 }
 
-/// One log line per change.
-fn tell(link: &mut Link) {
+/// Logs each change of the link.
+fn log_changes(link: &mut Link) {
     while let Some(change) = link.poll_change() {
         match change.state {
             LinkState::Searching | LinkState::Stale | LinkState::Lost => tracing::warn!("{change}"),
@@ -311,15 +311,15 @@ fn tell(link: &mut Link) {
     }
 }
 
-/// One log line every so often.
-fn tell_statistics(session: &Session, due: &mut Timestamp) {
+/// Logs the statistics if they are due.
+fn log_statistics(session: &Session, due: &mut Timestamp) {
     if session.now() >= *due {
-        *due = session.now() + STATISTICS;
+        *due = session.now() + STATISTICS_PERIOD;
         tracing::info!("{}", session.statistics());
     }
 }
 
-/// Within a quarter of `wait`: programs that lost the same hub do not return in step.
+/// `wait` with a random change of up to a quarter, so that several programs that lost the same hub do not retry in step.
 fn jittered(wait: Duration) -> Duration {
     let random = RandomState::new().build_hasher().finish() % 1_000;
     wait.mul_f64(0.75 + 0.5e-3 * random as f64)

@@ -1,4 +1,4 @@
-//! What is in a capture: frames, losses, gaps, and what each sensor and wheel did.
+//! Contents of a capture: frames, losses, gaps, and statistics of each sensor and wheel.
 
 #![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
 #![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
@@ -12,21 +12,21 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
 
-/// Silences of the line longer than this are listed, seconds.
+/// Shortest listed silence of the link, seconds.
 pub const GAP_S: f64 = 0.5;
-/// Gaps shown to people; the JSON form has them all.
+/// Gaps in the text form; the JSON form has all of them.
 const GAPS_SHOWN: usize = 10;
 
-/// What a capture holds.
+/// Contents of a capture.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Report {
     /// The version of slamd that wrote it.
     pub slamd_version: String,
-    /// Words for people that it holds.
+    /// The capture's notes.
     pub notes: String,
-    /// The faults it declares, as `SENSOR:KIND@TIME`; none where nobody knows.
+    /// The faults that it declares, as `SENSOR:KIND@TIME`; none if unknown.
     pub faults: Option<Vec<String>>,
-    /// The board in words.
+    /// The board's description.
     pub board: String,
     /// From the first record to the last, seconds.
     pub duration_s: f64,
@@ -46,35 +46,35 @@ pub struct Report {
     pub refused: u64,
     /// Good frames that the sequence numbers say are missing.
     pub lost_frames: u64,
-    /// Silences of the line longer than [`GAP_S`].
+    /// Silences of the link longer than [`GAP_S`].
     pub gaps: Vec<Gap>,
     /// Each sensor, by id.
     pub sensors: Vec<Sensor>,
     /// The left and the right wheel.
     pub encoders: [Wheel; 2],
-    /// What is wrong with the file, in words; none where it is whole.
+    /// The file's damage; none if it is whole.
     pub damage: Option<String>,
 }
 
 /// The frames of one type.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Frames {
-    /// How many.
+    /// Number of frames.
     pub count: u64,
-    /// How many a second.
+    /// Frames per second.
     pub rate_hz: f64,
 }
 
-/// A silence of the line.
+/// A silence of the link.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Gap {
-    /// The last bytes before it, seconds.
+    /// Time of the last bytes before it, seconds.
     pub at_s: f64,
-    /// How long, seconds.
+    /// Length, seconds.
     pub length_s: f64,
 }
 
-/// What one sensor said.
+/// Statistics of one sensor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Sensor {
     /// Times that its group fired.
@@ -83,7 +83,7 @@ pub struct Sensor {
     pub readings: u64,
     /// "Nothing in range" per cent of the pings.
     pub no_echo_percent: f64,
-    /// No word of it, per cent of the pings.
+    /// Pings without a result, per cent.
     pub absent_percent: f64,
     /// Echo pin stuck, high at the trigger, disabled or blanked, per cent of the pings.
     pub failed_percent: f64,
@@ -91,7 +91,7 @@ pub struct Sensor {
     pub longest_repeat: u64,
 }
 
-/// How far one wheel turned.
+/// Motion of one wheel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Wheel {
     /// From the first count to the last, ticks.
@@ -103,7 +103,7 @@ pub struct Wheel {
 /// Reads a capture to its end.
 ///
 /// # Errors
-/// When it cannot be read at all; a file cut off or damaged behind its head gives a report with [`Report::damage`].
+/// When the file cannot be read at all. A file that is truncated or damaged after its header gives a report with [`Report::damage`].
 pub fn inspect(path: &Path) -> Result<Report, CaptureError> {
     let mut reader = CaptureReader::open(path)?;
     let info = reader.info();
@@ -124,7 +124,7 @@ struct Reading {
     decoder: FrameDecoder,
     board: Board,
     span: Option<(Timestamp, Timestamp)>,
-    heard_at: Option<Timestamp>,
+    active_at: Option<Timestamp>,
     seq: Option<u8>,
     fired: BTreeMap<u8, u64>,
     sensors: BTreeMap<u8, Tally>,
@@ -135,7 +135,7 @@ struct Reading {
 #[derive(Default)]
 struct Tally {
     group: u8,
-    heard: u64,
+    answers: u64,
     readings: u64,
     no_echoes: u64,
     last_us: Option<u16>,
@@ -150,10 +150,10 @@ impl Reading {
         match record {
             Record::Sent { bytes, .. } => self.report.sent_bytes += bytes.len() as u64,
             Record::Truth { .. } => self.report.truths += 1,
-            Record::Opened { .. } => self.heard(at),
+            Record::Opened { .. } => self.active(at),
             Record::Received { bytes, .. } => {
                 self.report.received_bytes += bytes.len() as u64;
-                self.heard(at);
+                self.active(at);
                 for &byte in bytes {
                     self.byte(byte);
                 }
@@ -161,9 +161,9 @@ impl Reading {
         }
     }
 
-    /// The board, or its port, was there at this time.
-    fn heard(&mut self, at: Timestamp) {
-        let before = self.heard_at.replace(at).unwrap_or(at);
+    /// The link was active at this time.
+    fn active(&mut self, at: Timestamp) {
+        let before = self.active_at.replace(at).unwrap_or(at);
         let length_s = at.seconds_since(before);
         if length_s > GAP_S {
             self.report.gaps.push(Gap { at_s: before.seconds(), length_s });
@@ -179,13 +179,13 @@ impl Reading {
                 self.report.lost_frames += u64::from(ahead - 1);
                 self.seq = Some(frame.seq);
             }
-            // It was counted as lost, and comes late.
+            // A late frame that was counted as lost.
             _ => self.report.lost_frames = self.report.lost_frames.saturating_sub(1),
         }
         match Message::parse(frame.kind, frame.payload) {
             Ok(Message::Hello(hello)) => {
                 if self.board.greet(hello) {
-                    // A restarted board numbers its frames and counts its ticks anew.
+                    // A restarted board also restarts its sequence numbers and ticks.
                     (self.seq, self.ticks) = (None, None);
                 }
             }
@@ -205,10 +205,10 @@ impl Reading {
     fn sonar(&mut self, sonar: &Sonar) {
         self.wheels([sonar.left_ticks, sonar.right_ticks]);
         *self.fired.entry(sonar.group).or_default() += 1;
-        for heard in &sonar.echoes {
-            let tally = self.sensors.entry(heard.sensor).or_default();
+        for result in &sonar.echoes {
+            let tally = self.sensors.entry(result.sensor).or_default();
             tally.group = sonar.group;
-            tally.hear(heard.echo);
+            tally.add(result.echo);
         }
     }
 
@@ -229,8 +229,8 @@ impl Reading {
         let decoded = self.decoder.counters();
         let count = self.sensors.keys().next_back().map_or(0, |&last| usize::from(last) + 1);
         let mut sensors = vec![Sensor::default(); count];
-        for (place, tally) in &self.sensors {
-            if let Some(sensor) = sensors.get_mut(usize::from(*place)) {
+        for (id, tally) in &self.sensors {
+            if let Some(sensor) = sensors.get_mut(usize::from(*id)) {
                 *sensor = tally.sensor(self.fired.get(&tally.group).copied().unwrap_or(0));
             }
         }
@@ -246,8 +246,8 @@ impl Reading {
 }
 
 impl Tally {
-    fn hear(&mut self, echo: Echo) {
-        self.heard += 1;
+    fn add(&mut self, echo: Echo) {
+        self.answers += 1;
         let flight = match echo {
             Echo::Flight { us } => Some(us),
             _ => None,
@@ -266,14 +266,14 @@ impl Tally {
     }
 
     fn sensor(&self, fired: u64) -> Sensor {
-        let pings = fired.max(self.heard);
+        let pings = fired.max(self.answers);
         let percent = |count: u64| if pings == 0 { 0.0 } else { 100.0 * count as f64 / pings as f64 };
         Sensor {
             pings,
             readings: self.readings,
             no_echo_percent: percent(self.no_echoes),
-            absent_percent: percent(pings - self.heard),
-            failed_percent: percent(self.heard.saturating_sub(self.readings + self.no_echoes)),
+            absent_percent: percent(pings - self.answers),
+            failed_percent: percent(self.answers.saturating_sub(self.readings + self.no_echoes)),
             longest_repeat: self.longest_repeat,
         }
     }

@@ -1,8 +1,9 @@
-//! slamd: a robot with a ring of cheap ultrasonic sensors and two wheel encoders maps a home.
+//! The slamd daemon and command line: ports, sources and outputs around the estimator of `slamd_core`.
 //!
-//! `bytes → Frame → Message → Sweep V[k] → fault mask → heading → pose → occupancy grid → events`
+//! `port or capture → source::session → slamd_core pipeline → events → output folder, API, MQTT, monitor, viewer, log`
 //!
-//! Bytes and time go in, events come out, and nothing in between touches the world. Start reading at [`pipeline`].
+//! The estimator has no port, file or clock; all I/O is here. Start reading at [`cli`] for a command, at [`daemon`] for the loop of a live
+//! session, and at [`source::session`] for how bytes become events. ARCHITECTURE.md describes all crates.
 
 #![forbid(unsafe_code)]
 

@@ -5,28 +5,28 @@ use thread_priority::{
     set_thread_priority_and_policy, thread_native_id,
 };
 
-/// Enough to go before everything ordinary, and behind what the kernel itself does in real time.
+/// Above all normal threads and below the kernel's own real-time threads.
 const PRIORITY: u8 = 10;
 
-/// Lets the calling thread go before all ordinary ones (SCHED_FIFO). Threads that it starts from now on do so, too, until they call
+/// Gives the calling thread priority over all normal threads (SCHED_FIFO). Threads that it starts later inherit the priority until they call
 /// [`background`].
 ///
 /// # Errors
-/// Where the system does not permit it, with what to do about it.
+/// When the system does not permit it, with what to do.
 pub fn real_time() -> Result<(), String> {
     let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
     let priority = PRIORITY.try_into().map(ThreadPriority::Crossplatform)?;
     set_thread_priority_and_policy(thread_native_id(), priority, policy).map_err(|error| {
         format!(
             "real-time priority is not permitted ({error:?}): raise the limit with `ulimit -r {PRIORITY}`, LimitRTPRIO={PRIORITY} in a systemd \
-             unit, or `setcap cap_sys_nice=ep` on the program; mapping goes on without"
+             unit, or `setcap cap_sys_nice=ep` on the program; mapping continues without it"
         )
     })
 }
 
-/// Lets the calling thread go behind all others, also where it was started by one in real time: what it does can wait.
+/// Gives the calling thread the lowest normal priority, even if a real-time thread started it: its work can wait.
 pub fn background() {
     let policy = ThreadSchedulePolicy::Normal(NormalThreadSchedulePolicy::Other);
-    // Nobody needs a permit for less.
+    // Lowering the priority needs no permission.
     let _ = set_thread_priority_and_policy(thread_native_id(), ThreadPriority::Min, policy);
 }

@@ -16,11 +16,11 @@ const EXAMPLES: &str = "Examples:
   slamd-fleet hub --site home --fleet fleet.toml --out site          on this machine only
   slamd-fleet hub --site home --fleet fleet.toml --out site --listen tcp/0.0.0.0:7447 --users users
   slamd-fleet robot --site home --name kitchen --connect tcp/192.0.2.1:7447 --password-file password --capture drive.mcap
-  slamd-fleet robot --site home --name kitchen --capture flat.mcap --speed 4     no hardware: a capture played
+  slamd-fleet robot --site home --name kitchen --capture flat.mcap --speed 4     no hardware: plays a capture
   slamd-fleet union site/captures --fleet fleet.toml --out offline   the same map, from the captures alone
 
-What protects what: only named addresses are listened at and connected to, nothing is announced or searched for. Beyond loopback every robot needs
-its password, and writes and answers only below its own key. Nothing is encrypted: through foreign networks go by `ssh -L` or a VPN.";
+Security: hub and robots use only the given addresses; there is no discovery. Except on loopback, every robot needs its password, and can write and
+answer only below its own key. Nothing is encrypted: use `ssh -L` or a VPN in networks that you do not trust.";
 
 /// Merges the maps of several robots that run slamd.
 #[derive(Debug, Parser)]
@@ -32,21 +32,21 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Keep a site's map: hear the robots, fetch their captures, merge.
+    /// Maintain a site's map: receive the robots' data, fetch their captures, merge.
     Hub {
-        /// The site's name: robots of another one are not heard.
+        /// The site's name; robots of other sites are ignored.
         #[arg(long)]
         site: Name,
         /// The robots (TOML); see fleet.example.toml.
         #[arg(long, value_name = "FILE")]
         fleet: PathBuf,
-        /// Folder for captures, maps and the merged map; an earlier hub's is taken up.
+        /// Folder for captures, maps and the merged map; an existing one is continued.
         #[arg(long, value_name = "DIR")]
         out: PathBuf,
-        /// Where to listen; another address than loopback needs --users.
+        /// Address to listen on; addresses other than loopback need --users.
         #[arg(long, value_name = "tcp/IP:PORT", default_value = "tcp/127.0.0.1:7447")]
         listen: Endpoint,
-        /// Who may come in: lines NAME:PASSWORD, one for each robot; for its owner alone (mode 0600).
+        /// File of the robots' passwords: lines NAME:PASSWORD, mode 0600.
         #[arg(long, value_name = "FILE")]
         users: Option<PathBuf>,
     },
@@ -58,22 +58,22 @@ enum Command {
         /// The robot's name, as in the fleet file.
         #[arg(long)]
         name: Name,
-        /// The hub.
+        /// The hub's address.
         #[arg(long, value_name = "tcp/HOST:PORT", default_value = "tcp/127.0.0.1:7447")]
         connect: Endpoint,
-        /// The robot's password: the first line of this file, for its owner alone (mode 0600).
+        /// File whose first line is the robot's password, mode 0600.
         #[arg(long, value_name = "FILE")]
         password_file: Option<PathBuf>,
         /// The captures to offer; the last one is followed while slamd --record writes it.
         #[arg(long, value_name = "FILE", required = true, num_args = 1..)]
         capture: Vec<PathBuf>,
-        /// Play the last capture at so many times its pace, as if it were being driven, instead of following it.
+        /// Play the last capture at this multiple of real time instead of following it.
         #[arg(long, value_name = "FACTOR", value_parser = speed)]
         speed: Option<f64>,
     },
-    /// Merge captures without a network: the map that a hub makes of them, byte for byte.
+    /// Merge captures without a network; the result is identical to a hub's map.
     Union {
-        /// Folder with a folder per robot, as a hub's `captures`.
+        /// Folder with one folder per robot, like a hub's `captures`.
         captures: PathBuf,
         /// The robots (TOML).
         #[arg(long, value_name = "FILE")]

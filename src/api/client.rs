@@ -1,68 +1,68 @@
-//! One client: bytes and time go in, lines come out. No socket and no clock.
+//! The state machine of one client: bytes and times go in, lines come out. It has no socket and no clock.
 
-use super::outbox::Outbox;
 use super::report::Report;
-use super::request::{LONGEST_LINE, Request, RequestError, Watch, parse};
+use super::request::{MAX_LINE_BYTES, Request, RequestError, Watch, parse};
+use super::send_queue::SendQueue;
 use super::token::Token;
 use bytes::Bytes;
 use slamd_core::{FaultEvent, SensorState, Snapshot, Timestamp, link::LinkState};
 use std::time::Duration;
 
-/// Why a client is dropped.
+/// Why a connection is closed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
-    /// It does not take what it gets.
+    /// The client does not read what it is sent.
     Slow,
-    /// It neither asks nor watches.
+    /// The client neither requests nor watches.
     Idle,
-    /// It sent a line that does not end.
-    Long,
-    /// It does not know the token.
-    Stranger,
-    /// It has said that it will ask no more, and has got all it asked for.
+    /// The client sent a line that is too long.
+    LineTooLong,
+    /// The client did not send the token.
+    Unauthorized,
+    /// The client closed its side and has received every answer.
     Done,
 }
 
-/// What a client waits for.
+/// What a client needs from the session for its open requests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Asks {
-    /// The moment as it is.
-    pub moment: bool,
+pub struct Pending {
+    /// A snapshot of the session.
+    pub snapshot: bool,
     /// The map.
     pub map: bool,
 }
 
-/// A client's side of the conversation.
+/// One client's state.
 #[derive(Debug)]
 pub struct Client {
-    /// What it must know before anything else.
+    /// The token that the client must still send.
     token: Option<Token>,
     failures: u32,
-    came: Timestamp,
-    heard: Timestamp,
-    /// The unfinished line.
+    connected_at: Timestamp,
+    requested_at: Timestamp,
+    /// The line received so far.
     line: Vec<u8>,
     watch: Option<Watch>,
     due: Due,
-    wants: Wants,
-    told: Told,
-    /// It will ask no more.
-    is_leaving: bool,
-    outbox: Outbox,
+    requested: Requested,
+    sent: Sent,
+    /// The client will send no more.
+    is_closing: bool,
+    send_queue: SendQueue,
     end: Option<(End, Timestamp)>,
 }
 
-/// What a client is told of anew where it changes: the line's state and cause, the board's protocol, how many sensors there are.
+/// What a `DEVICE` report depends on: link state and cause, the board's protocol, the number of sensors. A change is reported.
 #[derive(Clone, Debug, PartialEq, Eq)]
-struct Line {
+struct DeviceState {
     link: LinkState,
     cause: String,
     protocol: Option<(u8, u8)>,
     sensors: usize,
 }
 
-impl Line {
-    fn is(&self, snapshot: &Snapshot) -> bool {
+impl DeviceState {
+    fn is_state_of(&self, snapshot: &Snapshot) -> bool {
         (self.link, &self.cause, self.protocol, self.sensors)
             == (snapshot.link, &snapshot.cause, snapshot.protocol, snapshot.ring.len())
     }
@@ -73,7 +73,7 @@ impl Line {
     }
 }
 
-/// When the next of each is due.
+/// When the next report of each class is due.
 #[derive(Clone, Copy, Debug, Default)]
 struct Due {
     pose: Timestamp,
@@ -82,67 +82,67 @@ struct Due {
     stats: Timestamp,
 }
 
-/// What it is to get as soon as it is there.
+/// Requests that wait for the session's answer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct Wants {
+struct Requested {
     poll: bool,
-    /// It has just begun to watch.
+    /// The client has just begun to watch.
     first: bool,
     stats: bool,
     map: bool,
 }
 
-/// What it has been told last.
+/// What the client was sent last.
 #[derive(Clone, Debug, Default)]
-struct Told {
+struct Sent {
     pose: Option<u64>,
     sweep: Option<u64>,
-    device: Option<Line>,
+    device: Option<DeviceState>,
     changes: Vec<Option<FaultEvent>>,
 }
 
-/// One that neither asks nor watches is not waited for longer.
-const IDLE: Duration = Duration::from_secs(20);
-/// The token is to be said within this, and guessed no more often.
-const INTRODUCTION: Duration = Duration::from_secs(5);
+/// A client that neither requests nor watches is dropped after this long.
+const IDLE_TIMEOUT: Duration = Duration::from_secs(20);
+/// The client must send the token within this time, in at most [`MAX_FAILURES`] attempts.
+const TOKEN_TIMEOUT: Duration = Duration::from_secs(5);
 const MAX_FAILURES: u32 = 3;
-/// A client that is dropped may still take what it is told.
-const FAREWELL: Duration = Duration::from_secs(5);
-const FOR_EVER: Duration = Duration::from_secs(3_600);
+/// A dropped client has this long to read the last line.
+const CLOSE_TIMEOUT: Duration = Duration::from_secs(5);
+const NO_DEADLINE: Duration = Duration::from_secs(3_600);
 
 impl Client {
-    /// A client that has come at `at`; `token` is what it must know.
+    /// A client that connected at `at` and must send `token`, if there is one.
     #[must_use]
     pub fn new(at: Timestamp, token: Option<Token>) -> Self {
         let mut client = Self {
             token,
             failures: 0,
-            came: at,
-            heard: at,
+            connected_at: at,
+            requested_at: at,
             line: Vec::new(),
             watch: None,
             due: Due::default(),
-            wants: Wants::default(),
-            told: Told::default(),
-            is_leaving: false,
-            outbox: Outbox::new(at),
+            requested: Requested::default(),
+            sent: Sent::default(),
+            is_closing: false,
+            send_queue: SendQueue::new(at),
             end: None,
         };
         if client.token.is_none() {
-            client.say(at, &Report::version());
+            client.send(at, &Report::version());
         }
         client
     }
 
-    /// It has sent bytes.
+    /// Takes bytes from the client.
     pub fn received(&mut self, at: Timestamp, bytes: &[u8]) {
         let mut rest = bytes;
         while self.end.is_none() && !rest.is_empty() {
             let end = rest.iter().position(|byte| *byte == b'\n');
             let (piece, next) = end.map_or((rest, &[][..]), |end| (&rest[..end], &rest[end + 1..]));
-            if self.line.len() + piece.len() > LONGEST_LINE {
-                let words = format!("a line has more than {LONGEST_LINE} bytes: a request is a short line");
-                return self.drop_because(at, End::Long, &words);
+            if self.line.len() + piece.len() > MAX_LINE_BYTES {
+                let message = format!("a line has more than {MAX_LINE_BYTES} bytes: a request is a short line");
+                return self.drop_with(at, End::LineTooLong, &message);
             }
             self.line.extend_from_slice(piece);
             rest = next;
@@ -153,132 +153,132 @@ impl Client {
         }
     }
 
-    /// It will send no more: what it has asked for it still gets.
-    pub fn hung_up(&mut self, at: Timestamp) {
-        self.is_leaving = true;
-        (self.watch, self.heard) = (None, at);
-        self.leave(at);
+    /// The client closed its sending side. Open requests are still answered.
+    pub fn peer_closed(&mut self, at: Timestamp) {
+        self.is_closing = true;
+        (self.watch, self.requested_at) = (None, at);
+        self.close_if_done(at);
     }
 
-    /// There is a new moment; so many clients are connected.
-    pub fn news(&mut self, at: Timestamp, snapshot: &Snapshot, clients: usize) {
+    /// Takes a new snapshot of the session; `clients` are connected.
+    pub fn update(&mut self, at: Timestamp, snapshot: &Snapshot, clients: usize) {
         if self.end.is_some() {
             return;
         }
-        let Wants { poll, stats, .. } = self.wants;
-        self.wants = Wants { map: self.wants.map, ..Wants::default() };
+        let Requested { poll, stats, .. } = self.requested;
+        self.requested = Requested { map: self.requested.map, ..Requested::default() };
         if poll {
-            self.say(at, &Report::device(snapshot));
-            snapshot.faulty().for_each(|change| self.say(at, &Report::fault(change)));
+            self.send(at, &Report::device(snapshot));
+            snapshot.faulty().for_each(|change| self.send(at, &Report::fault(change)));
             let newest = [Report::sweep(snapshot), Report::pose(snapshot), Some(Report::stats(snapshot, clients))];
-            newest.iter().flatten().for_each(|report| self.say(at, report));
+            newest.iter().flatten().for_each(|report| self.send(at, report));
         }
         if let Some(watch) = self.watch {
-            self.tell_changes(at, snapshot);
+            self.send_changes(at, snapshot);
             let newest = snapshot.estimate.map(|estimate| estimate.sweep);
-            if newest != self.told.pose && is_time(&mut self.due.pose, watch.pose_hz, at) {
-                self.told.pose = newest;
-                Report::pose(snapshot).iter().for_each(|report| self.say(at, report));
+            if newest != self.sent.pose && is_time(&mut self.due.pose, watch.pose_hz, at) {
+                self.sent.pose = newest;
+                Report::pose(snapshot).iter().for_each(|report| self.send(at, report));
             }
-            if snapshot.sweep != self.told.sweep && is_time(&mut self.due.sweep, watch.sweep_hz, at) {
-                self.told.sweep = snapshot.sweep;
-                Report::sweep(snapshot).iter().for_each(|report| self.say(at, report));
+            if snapshot.sweep != self.sent.sweep && is_time(&mut self.due.sweep, watch.sweep_hz, at) {
+                self.sent.sweep = snapshot.sweep;
+                Report::sweep(snapshot).iter().for_each(|report| self.send(at, report));
             }
             if stats {
-                self.say(at, &Report::stats(snapshot, clients));
+                self.send(at, &Report::stats(snapshot, clients));
             }
         }
-        self.leave(at);
+        self.close_if_done(at);
     }
 
-    /// Here is the newest map, as a line; none where nothing is known.
+    /// Takes the newest map as a line; none while the map is empty.
     pub fn map(&mut self, at: Timestamp, line: Option<&Bytes>) {
-        if !std::mem::take(&mut self.wants.map) || self.end.is_some() {
+        if !std::mem::take(&mut self.requested.map) || self.end.is_some() {
             return;
         }
         match line {
             Some(line) => self.push(at, line.clone()),
-            None if self.watch.is_none() => self.complain(at, "there is no map yet: it begins with the first sweeps"),
+            None if self.watch.is_none() => self.send_error(at, "there is no map yet: it begins with the first sweeps"),
             None => {}
         }
-        self.leave(at);
+        self.close_if_done(at);
     }
 
-    /// Time has passed; due at [`Client::deadline`].
+    /// Advances the time; due at [`Client::deadline`].
     pub fn tick(&mut self, at: Timestamp) {
         if self.end.is_some() {
             return;
         }
-        if self.token.is_some() && at >= self.came + INTRODUCTION {
-            return self.drop_because(at, End::Stranger, "no token within 5 s");
+        if self.token.is_some() && at >= self.connected_at + TOKEN_TIMEOUT {
+            return self.drop_with(at, End::Unauthorized, "no token within 5 s");
         }
-        if self.outbox.is_stuck(at) {
-            return self.drop_because(at, End::Slow, "too slow: nothing was taken for 10 s");
+        if self.send_queue.is_stalled(at) {
+            return self.drop_with(at, End::Slow, "too slow: nothing was taken for 10 s");
         }
         match self.watch {
             Some(watch) => {
-                self.wants.map |= is_time(&mut self.due.map, watch.map_hz, at);
-                self.wants.stats |= is_time(&mut self.due.stats, watch.stats_hz, at);
+                self.requested.map |= is_time(&mut self.due.map, watch.map_hz, at);
+                self.requested.stats |= is_time(&mut self.due.stats, watch.stats_hz, at);
             }
-            None if at >= self.heard + IDLE => {
-                self.drop_because(at, End::Idle, "idle for 20 s: ask something, or ?WATCH; and stay");
+            None if at >= self.requested_at + IDLE_TIMEOUT => {
+                self.drop_with(at, End::Idle, "idle for 20 s: ask something, or ?WATCH; and stay");
             }
             None => {}
         }
     }
 
-    /// When [`Client::tick`] is due, or the farewell over.
+    /// When [`Client::tick`] is due; after [`Client::end`], when the connection is closed at the latest.
     #[must_use]
     pub fn deadline(&self) -> Timestamp {
-        if let Some((_, farewell)) = self.end {
-            return farewell;
+        if let Some((_, close_by)) = self.end {
+            return close_by;
         }
-        let introduction = self.token.map(|_| self.came + INTRODUCTION);
+        let token_deadline = self.token.map(|_| self.connected_at + TOKEN_TIMEOUT);
         let (map, stats) = match self.watch {
             Some(watch) => (
                 Some(self.due.map).filter(|_| watch.map_hz > 0.0),
                 Some(self.due.stats).filter(|_| watch.stats_hz > 0.0),
             ),
-            None => (Some(self.heard + IDLE), None),
+            None => (Some(self.requested_at + IDLE_TIMEOUT), None),
         };
-        let each = [introduction, self.outbox.deadline(), map, stats];
-        each.into_iter().flatten().min().unwrap_or(self.heard + FOR_EVER)
+        let each = [token_deadline, self.send_queue.deadline(), map, stats];
+        each.into_iter().flatten().min().unwrap_or(self.requested_at + NO_DEADLINE)
     }
 
-    /// What it waits for.
+    /// What the open requests need from the session.
     #[must_use]
-    pub fn asks(&self) -> Asks {
-        let Wants { poll, first, stats, map } = self.wants;
-        Asks { moment: poll || first || stats, map }
+    pub fn pending(&self) -> Pending {
+        let Requested { poll, first, stats, map } = self.requested;
+        Pending { snapshot: poll || first || stats, map }
     }
 
-    /// True while it is to hear of each sweep.
+    /// True while the client subscribes to each sweep.
     #[must_use]
     pub fn is_watching(&self) -> bool {
         self.watch.is_some() && self.end.is_none()
     }
 
-    /// The bytes to be written next; empty where there are none.
+    /// The bytes to write next; empty if there are none.
     #[must_use]
     pub fn outgoing(&self) -> &[u8] {
-        self.outbox.first()
+        self.send_queue.first()
     }
 
-    /// So many of those have been written.
+    /// `count` of the outgoing bytes were written.
     pub fn wrote(&mut self, at: Timestamp, count: usize) {
-        self.outbox.wrote(at, count);
+        self.send_queue.wrote(at, count);
     }
 
-    /// Why it is dropped, if it is.
+    /// Why the connection is closed, if it is.
     #[must_use]
     pub fn end(&self) -> Option<End> {
         self.end.map(|(end, _)| end)
     }
 
-    /// True where nothing more is to be done for it.
+    /// True once the connection can be closed.
     #[must_use]
     pub fn is_over(&self, at: Timestamp) -> bool {
-        self.end.is_some_and(|(_, farewell)| at >= farewell || self.outgoing().is_empty())
+        self.end.is_some_and(|(_, close_by)| at >= close_by || self.outgoing().is_empty())
     }
 
     fn request(&mut self, at: Timestamp, request: Result<Option<Request>, RequestError>) {
@@ -286,69 +286,69 @@ impl Client {
             Ok(Some(request)) => request,
             Ok(None) => return,
             Err(error) if self.token.is_none() => {
-                self.heard = at;
-                return self.complain(at, &error.to_string());
+                self.requested_at = at;
+                return self.send_error(at, &error.to_string());
             }
-            // What a stranger says is not looked at.
+            // Before the token, errors in a line are not reported.
             Err(_) => Request::Token(String::new()),
         };
-        self.heard = at;
+        self.requested_at = at;
         if let Some(token) = &self.token {
             if matches!(&request, Request::Token(word) if token.is(word)) {
                 self.token = None;
-                return self.say(at, &Report::version());
+                return self.send(at, &Report::version());
             }
             self.failures += 1;
             return if self.failures < MAX_FAILURES {
-                self.complain(at, "begin with the right ?TOKEN=\"...\";");
+                self.send_error(at, "begin with the right ?TOKEN=\"...\";");
             } else {
-                self.drop_because(at, End::Stranger, "three times without the right token");
+                self.drop_with(at, End::Unauthorized, "three times without the right token");
             };
         }
         match request {
-            Request::Version | Request::Token(_) => self.say(at, &Report::version()),
-            Request::Poll => self.wants.poll = true,
-            Request::Map => self.wants.map = true,
+            Request::Version | Request::Token(_) => self.send(at, &Report::version()),
+            Request::Poll => self.requested.poll = true,
+            Request::Map => self.requested.map = true,
             Request::Watch(watch) => {
                 self.watch = Some(watch).filter(|watch| watch.enable);
                 self.due = Due { pose: at, sweep: at, map: at, stats: at };
-                (self.told, self.wants.first) = (Told::default(), watch.enable);
-                self.say(at, &Report::Watch(watch));
+                (self.sent, self.requested.first) = (Sent::default(), watch.enable);
+                self.send(at, &Report::Watch(watch));
             }
         }
     }
 
-    /// What has changed of the line and the sensors since it was told.
-    fn tell_changes(&mut self, at: Timestamp, snapshot: &Snapshot) {
-        if !self.told.device.as_ref().is_some_and(|line| line.is(snapshot)) {
-            self.told.device = Some(Line::new(snapshot));
-            self.say(at, &Report::device(snapshot));
+    /// Sends what changed of link and sensors since the last report.
+    fn send_changes(&mut self, at: Timestamp, snapshot: &Snapshot) {
+        if !self.sent.device.as_ref().is_some_and(|state| state.is_state_of(snapshot)) {
+            self.sent.device = Some(DeviceState::new(snapshot));
+            self.send(at, &Report::device(snapshot));
         }
-        if self.told.changes != snapshot.changes {
-            let before = std::mem::replace(&mut self.told.changes, snapshot.changes.clone());
+        if self.sent.changes != snapshot.changes {
+            let before = std::mem::replace(&mut self.sent.changes, snapshot.changes.clone());
             for (sensor, change) in snapshot.changes.iter().enumerate() {
                 let before = before.get(sensor).and_then(Option::as_ref);
-                // Whoever begins to watch is told what is broken, not what was mended before.
-                let is_worth = |change: &&FaultEvent| before.is_some() || change.state != SensorState::Healthy;
-                if let Some(change) = change.as_ref().filter(|change| Some(*change) != before).filter(is_worth) {
-                    self.say(at, &Report::fault(change));
+                // A new watcher gets the faults of the present, not those that have passed.
+                let is_news = |change: &&FaultEvent| before.is_some() || change.state != SensorState::Healthy;
+                if let Some(change) = change.as_ref().filter(|change| Some(*change) != before).filter(is_news) {
+                    self.send(at, &Report::fault(change));
                 }
             }
         }
     }
 
-    /// Where it will ask no more and has got everything, that is its end.
-    fn leave(&mut self, at: Timestamp) {
-        if self.is_leaving && self.end.is_none() && self.wants == Wants::default() {
-            self.end = Some((End::Done, at + FAREWELL));
+    /// Ends a client that sends no more and has received every answer.
+    fn close_if_done(&mut self, at: Timestamp) {
+        if self.is_closing && self.end.is_none() && self.requested == Requested::default() {
+            self.end = Some((End::Done, at + CLOSE_TIMEOUT));
         }
     }
 
-    fn complain(&mut self, at: Timestamp, message: &str) {
-        self.say(at, &Report::Error { message });
+    fn send_error(&mut self, at: Timestamp, message: &str) {
+        self.send(at, &Report::Error { message });
     }
 
-    fn say(&mut self, at: Timestamp, report: &Report<'_>) {
+    fn send(&mut self, at: Timestamp, report: &Report<'_>) {
         self.push(at, report.line());
     }
 
@@ -356,20 +356,21 @@ impl Client {
         if self.end.is_some() {
             return;
         }
-        if self.outbox.is_full() {
-            return self.drop_because(at, End::Slow, "too slow: too much waits to be taken");
+        if self.send_queue.is_full() {
+            return self.drop_with(at, End::Slow, "too slow: too much waits to be taken");
         }
-        self.outbox.push(at, line);
+        self.send_queue.push(at, line);
     }
 
-    fn drop_because(&mut self, at: Timestamp, end: End, message: &str) {
-        self.outbox.clear();
-        self.outbox.push(at, Report::Error { message }.line());
-        self.end = Some((end, at + FAREWELL));
+    fn drop_with(&mut self, at: Timestamp, end: End, message: &str) {
+        self.send_queue.clear();
+        self.send_queue.push(at, Report::Error { message }.line());
+        self.end = Some((end, at + CLOSE_TIMEOUT));
     }
 }
 
-/// True where the next is due at this rate, which it then is no more. What comes a little early is taken: sweeps do not keep time exactly.
+/// True if a report is due at this rate; then sets the next time. A report may come a quarter of a period early, because sweeps are not exactly
+/// periodic.
 fn is_time(due: &mut Timestamp, hz: f64, at: Timestamp) -> bool {
     if hz <= 0.0 {
         return false;

@@ -1,19 +1,19 @@
-//! Two pages for a watching machine: `/metrics` and `/healthz`. One request per connection, GET alone.
+//! HTTP for monitoring: `/metrics` and `/healthz`. One GET request per connection.
 
 use super::token::Token;
 
-/// A longer head is no request, bytes.
-pub(super) const LONGEST_HEAD: usize = 8 << 10;
+/// Longest accepted request head, bytes.
+pub(super) const MAX_HEAD_BYTES: usize = 8 << 10;
 const MAX_HEADERS: usize = 64;
 
-/// What is asked for.
+/// The requested page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Page {
     Metrics,
     Health,
 }
 
-/// How a request is answered.
+/// Status of a response.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Status {
     Ok,
@@ -25,12 +25,12 @@ pub(super) enum Status {
     Unavailable,
 }
 
-/// Reads the head of a request; none while it is not complete.
+/// Reads the head of a request; none while it is incomplete.
 pub(super) fn read(head: &[u8], token: Option<&Token>) -> Option<Result<Page, Status>> {
     let mut headers = [httparse::EMPTY_HEADER; MAX_HEADERS];
     let mut request = httparse::Request::new(&mut headers);
     match request.parse(head) {
-        Ok(httparse::Status::Partial) if head.len() >= LONGEST_HEAD => return Some(Err(Status::HeadTooLong)),
+        Ok(httparse::Status::Partial) if head.len() >= MAX_HEAD_BYTES => return Some(Err(Status::HeadTooLong)),
         Ok(httparse::Status::Partial) => return None,
         Err(httparse::Error::TooManyHeaders) => return Some(Err(Status::HeadTooLong)),
         Err(_) => return Some(Err(Status::BadRequest)),
@@ -55,7 +55,7 @@ fn bearer<'a>(headers: &[httparse::Header<'a>]) -> Option<&'a str> {
     scheme.eq_ignore_ascii_case("bearer").then_some(word.trim())
 }
 
-/// An answer as sent.
+/// A response as bytes.
 pub(super) fn answer(status: Status, body: &str) -> Vec<u8> {
     let (line, more) = match status {
         Status::Ok => ("200 OK", ""),
@@ -87,7 +87,7 @@ mod tests {
         assert_eq!(read(b"POST /metrics HTTP/1.1\r\n\r\n", None), Some(Err(Status::MethodNotAllowed)));
         assert_eq!(read(b"GET /metrics HTTP/1.1\r\n", None), None);
         assert_eq!(read(b"\x16\x03\x01 hello\r\n\r\n", None), Some(Err(Status::BadRequest)));
-        let long = [b"GET /metrics HTTP/1.1\r\nx: ".as_slice(), &[b'x'; LONGEST_HEAD]].concat();
+        let long = [b"GET /metrics HTTP/1.1\r\nx: ".as_slice(), &[b'x'; MAX_HEAD_BYTES]].concat();
         assert_eq!(read(&long, None), Some(Err(Status::HeadTooLong)));
     }
 

@@ -1,4 +1,4 @@
-//! Where clients come in: a TCP address, or a socket in the file system for its owner alone.
+//! Listening sockets: TCP addresses, and a Unix socket that only its owner can open.
 
 use std::io;
 use std::net::{SocketAddr, TcpListener};
@@ -6,28 +6,28 @@ use std::os::unix::fs::{FileTypeExt as _, PermissionsExt as _};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 
-/// A door that is open.
+/// A listening socket.
 #[derive(Debug)]
 pub enum Listener {
     /// For JSON lines.
     Tcp(TcpListener),
-    /// The same, with the file to be removed in the end.
+    /// For JSON lines; its file is removed at the end.
     Unix(UnixListener, PathBuf),
     /// For `/metrics` and `/healthz`.
     Http(TcpListener),
 }
 
-/// A door that cannot be opened.
+/// An address or path that cannot be listened on.
 #[derive(Debug, thiserror::Error)]
-#[error("{place}: {cause}")]
+#[error("{address}: {cause}")]
 pub struct ListenerError {
     /// The address or the file.
-    pub place: String,
+    pub address: String,
     /// Why, and what to do about it.
     pub cause: String,
 }
 
-/// What the kernel keeps for a client that does not take it, bytes: more would be old by the time it is read.
+/// The kernel's send buffer for each client, bytes. With more, a slow client would read old data.
 const SEND_BUFFER: usize = 64 << 10;
 
 impl Listener {
@@ -47,12 +47,12 @@ impl Listener {
         bind(address).map(Self::Http)
     }
 
-    /// Opens a socket in the file system, mode 0600 from its first moment. What another program has left there is replaced.
+    /// Opens a Unix socket with mode 0600 from the start. An abandoned socket of that name is replaced.
     ///
     /// # Errors
-    /// When the system refuses, somebody listens there, or the name belongs to something else.
+    /// When the system refuses, another program listens there, or the path is not a socket.
     pub fn unix(path: &Path) -> Result<Self, ListenerError> {
-        let failure = |cause: String| ListenerError { place: path.display().to_string(), cause };
+        let failure = |cause: String| ListenerError { address: path.display().to_string(), cause };
         match std::fs::symlink_metadata(path) {
             Ok(there) if !there.file_type().is_socket() => {
                 return Err(failure("there is a file that is no socket; name another with --socket PATH".into()));
@@ -67,9 +67,9 @@ impl Listener {
         Ok(Self::Unix(listener, path.into()))
     }
 
-    /// Where it is, for people.
+    /// The address or path, for messages.
     #[must_use]
-    pub fn place(&self) -> String {
+    pub fn address(&self) -> String {
         match self {
             Self::Tcp(listener) => address(listener),
             Self::Unix(_, path) => path.display().to_string(),
@@ -85,18 +85,18 @@ fn address(listener: &TcpListener) -> String {
 fn bind(address: SocketAddr) -> Result<TcpListener, ListenerError> {
     let open = || -> io::Result<TcpListener> {
         let listener = TcpListener::bind(address)?;
-        // Those who come in inherit it.
+        // Accepted connections inherit it.
         rustix::net::sockopt::set_socket_send_buffer_size(&listener, SEND_BUFFER)?;
         listener.set_nonblocking(true)?;
         Ok(listener)
     };
     open().map_err(|error| {
         let cause = format!("{error}; is another slamd running? Another port can be given");
-        ListenerError { place: address.to_string(), cause }
+        ListenerError { address: address.to_string(), cause }
     })
 }
 
-/// Made in a folder that nobody else can enter, given its mode there, and moved to its name: at no moment can others connect.
+/// Binds the socket in a private folder, sets its mode and renames it, so that other users can never connect.
 fn bind_privately(path: &Path) -> io::Result<UnixListener> {
     let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or_else(|| Path::new("."));
     let only_owner = std::fs::Permissions::from_mode(0o700);

@@ -1,71 +1,71 @@
-//! From the pipeline's thread to another: one place, where the newest wins.
+//! The newest snapshot, passed from the pipeline's thread to another thread.
 
 use slamd_core::{Raster, Snapshot, Timestamp};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 use tokio::sync::Notify;
 
-/// Where a session's newest moment lies.
+/// Holds a session's newest snapshot; a newer one replaces it.
 #[derive(Debug, Default)]
 pub struct Mailbox {
     slot: Mutex<Slot>,
-    /// Clients that want to hear of each sweep.
+    /// Number of clients that subscribe to each sweep.
     pub(super) watchers: AtomicUsize,
-    asked: AtomicBool,
-    map_asked: AtomicBool,
-    news: Notify,
+    requested: AtomicBool,
+    map_requested: AtomicBool,
+    updated: Notify,
 }
 
-/// What lies there.
+/// The content.
 #[derive(Debug, Default)]
 pub(super) struct Slot {
     pub(super) snapshot: Snapshot,
-    /// A map that was asked for, and when it was copied.
+    /// A requested map, and when it was copied.
     pub(super) map: Option<(Timestamp, Raster)>,
 }
 
 impl Mailbox {
-    /// Asks for the moment as it is, whether anything has changed or not.
+    /// Requests a snapshot, even if nothing has changed.
     pub fn ask(&self) {
-        self.asked.store(true, Ordering::Release);
+        self.requested.store(true, Ordering::Release);
     }
 
-    /// Asks for the map.
+    /// Requests the map.
     pub fn ask_map(&self) {
-        self.map_asked.store(true, Ordering::Release);
+        self.map_requested.store(true, Ordering::Release);
     }
 
-    /// Waits for a moment and takes it, with the map where that was asked for.
+    /// Waits for a snapshot and takes it, with the map if that was requested.
     pub async fn next(&self) -> (Snapshot, Option<(Timestamp, Raster)>) {
-        self.news.notified().await;
+        self.updated.notified().await;
         let mut slot = self.slot.lock().unwrap_or_else(PoisonError::into_inner);
         (slot.snapshot.clone(), slot.map.take())
     }
 
-    /// True where anybody wants anything.
+    /// True if a client watches or a request is open.
     pub(super) fn is_wanted(&self) -> bool {
-        self.watchers.load(Ordering::Relaxed) > 0 || self.is_asked()
+        self.watchers.load(Ordering::Relaxed) > 0 || self.is_requested()
     }
 
-    /// True where somebody has asked since the last time.
-    pub(super) fn is_asked(&self) -> bool {
-        self.asked.load(Ordering::Acquire) || self.map_asked.load(Ordering::Acquire)
+    /// True if a request came since the last answer.
+    pub(super) fn is_requested(&self) -> bool {
+        self.requested.load(Ordering::Acquire) || self.map_requested.load(Ordering::Acquire)
     }
 
-    /// The place, with whether the map is wanted in it; none while the server looks into it: nobody waits for that.
+    /// Locks the slot and tells whether the map is requested; none while the server holds the lock, so that the pipeline never waits.
     pub(super) fn open(&self) -> Option<(MutexGuard<'_, Slot>, bool)> {
         let slot = match self.slot.try_lock() {
             Ok(slot) => slot,
             Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
             Err(TryLockError::WouldBlock) => return None,
         };
-        // Who asks from here on is answered the next time.
-        self.asked.store(false, Ordering::Release);
-        Some((slot, self.map_asked.swap(false, Ordering::AcqRel)))
+        // Later requests are answered the next time.
+        self.requested.store(false, Ordering::Release);
+        Some((slot, self.map_requested.swap(false, Ordering::AcqRel)))
     }
 
-    /// Tells whoever waits that there is something new.
-    pub(super) fn tell(&self) {
-        self.news.notify_one();
+    /// Wakes the thread that waits in [`Mailbox::next`].
+    pub(super) fn notify(&self) {
+        self.updated.notify_one();
     }
 }

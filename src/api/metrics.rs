@@ -1,20 +1,20 @@
-//! What is counted, in the text format of Prometheus (version 0.0.4).
+//! Counters and gauges in the text format of Prometheus (version 0.0.4).
 
 use slamd_core::{Snapshot, link::LinkState};
 use std::fmt::Write as _;
 
-/// What the server itself has counted.
+/// The server's own counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Served {
-    /// Clients that are connected.
+    /// Connected clients.
     pub(super) clients: usize,
-    /// Those turned away because there were too many.
+    /// Clients refused because there were too many.
     pub(super) refused: u64,
-    /// Those dropped because they were too slow.
+    /// Clients dropped because they were too slow.
     pub(super) slow: u64,
 }
 
-/// The page.
+/// The metrics page.
 pub(super) fn page(snapshot: &Snapshot, served: Served) -> String {
     let mut page = String::new();
     let counted = &snapshot.counters;
@@ -68,7 +68,7 @@ pub(super) fn page(snapshot: &Snapshot, served: Served) -> String {
 fn family(page: &mut String, name: &str, kind: &str, help: &str, samples: impl IntoIterator<Item = (String, f64)>) {
     let _ = writeln!(page, "# HELP slamd_{name} {help}\n# TYPE slamd_{name} {kind}");
     for (labels, value) in samples {
-        // NaN is written as Prometheus reads it.
+        // Rust writes NaN as Prometheus reads it.
         let _ = writeln!(page, "slamd_{name}{labels} {value}");
     }
 }

@@ -1,5 +1,5 @@
-//! The lines that clients get. JSON has no NaN and no infinity: NaN is null, and a range says in a word what it is instead of a number.
-//! `docs/api.md` has a line for each field, and a test that compares.
+//! The lines that clients receive. JSON has no NaN and no infinity: NaN becomes null, and a range without a number becomes a word.
+//! `docs/api.md` describes each field; a test compares it with this file.
 
 use super::request::Watch;
 use base64::Engine as _;
@@ -9,7 +9,7 @@ use serde::Serialize;
 use slamd_core::{Counters, FaultEvent, Mounting, Raster, SensorState, Snapshot, Timestamp, Verdict};
 use slamd_publish::grey_png;
 
-/// Version of the lines: another major version means other fields, another minor one means more of them.
+/// Version of the lines: a new major version changes fields, a new minor version adds fields.
 pub const MAJOR: u32 = 1;
 /// See [`MAJOR`].
 pub const MINOR: u32 = 0;
@@ -17,7 +17,7 @@ pub const MINOR: u32 = 0;
 /// A line for a client. Each field's unit is in its name; `docs/api.md` describes them.
 #[derive(Clone, Debug, Serialize)]
 #[serde(tag = "class", rename_all = "UPPERCASE")]
-#[expect(missing_docs, reason = "docs/api.md has a line for each field, and a test that compares")]
+#[expect(missing_docs, reason = "docs/api.md describes each field, and a test compares")]
 pub enum Report<'a> {
     Version { release: &'static str, api_major: u32, api_minor: u32 },
     Watch(Watch),
@@ -30,7 +30,7 @@ pub enum Report<'a> {
     Error { message: &'a str },
 }
 
-/// The line to the board, and who it is.
+/// The link, the robot and its board.
 #[derive(Clone, Debug, Serialize)]
 pub struct Device<'a> {
     pub time_s: f64,
@@ -44,7 +44,7 @@ pub struct Device<'a> {
     pub sensors: Vec<Sensor>,
 }
 
-/// Where a sensor sits.
+/// Where a sensor is mounted.
 #[derive(Clone, Debug, Serialize)]
 pub struct Sensor {
     pub x_m: f64,
@@ -53,7 +53,7 @@ pub struct Sensor {
     pub half_angle_rad: f64,
 }
 
-/// Where the robot is.
+/// The robot's pose.
 #[derive(Clone, Debug, Serialize)]
 pub struct Pose {
     pub time_s: f64,
@@ -69,7 +69,7 @@ pub struct Pose {
     pub is_lost: bool,
 }
 
-/// What the ring has heard.
+/// One sweep of the ring.
 #[derive(Clone, Debug, Serialize)]
 pub struct Sweep {
     pub time_s: f64,
@@ -78,7 +78,7 @@ pub struct Sweep {
     pub verdicts: Vec<&'static str>,
 }
 
-/// A range, or what it is instead of a number; none is null.
+/// A range in metres, or a word if it is no number; no measurement is null.
 #[derive(Clone, Debug, Serialize)]
 #[serde(untagged)]
 pub enum Range {
@@ -87,7 +87,7 @@ pub enum Range {
     None,
 }
 
-/// The map as a picture.
+/// The map as a PNG image.
 #[derive(Clone, Debug, Serialize)]
 pub struct Map {
     pub time_s: f64,
@@ -99,7 +99,7 @@ pub struct Map {
     pub png_base64: String,
 }
 
-/// A sensor's state has changed.
+/// A change of a sensor's state.
 #[derive(Clone, Debug, Serialize)]
 pub struct Fault<'a> {
     pub time_s: f64,
@@ -108,7 +108,7 @@ pub struct Fault<'a> {
     pub reason: &'a str,
 }
 
-/// What has been counted.
+/// Counters.
 #[derive(Clone, Debug, Serialize)]
 pub struct Stats {
     pub time_s: f64,
@@ -129,13 +129,13 @@ pub struct Stats {
 }
 
 impl<'a> Report<'a> {
-    /// Who serves.
+    /// The program's and the API's version.
     #[must_use]
     pub const fn version() -> Self {
         Self::Version { release: env!("CARGO_PKG_VERSION"), api_major: MAJOR, api_minor: MINOR }
     }
 
-    /// The line to the board as it is.
+    /// The link's present state.
     #[must_use]
     pub fn device(snapshot: &'a Snapshot) -> Self {
         let [board, firmware] = &snapshot.board;
@@ -195,7 +195,7 @@ impl<'a> Report<'a> {
         Self::Fault(Fault { time_s, sensor: change.sensor, state, reason: &change.reason })
     }
 
-    /// What has been counted; `clients` are connected.
+    /// The counters; `clients` are connected.
     #[must_use]
     pub fn stats(snapshot: &Snapshot, clients: usize) -> Self {
         let Counters { frames, crc_errors, malformed, dropped_bytes, lost_frames, unknown, .. } = snapshot.counters;
@@ -219,7 +219,7 @@ impl<'a> Report<'a> {
         })
     }
 
-    /// As sent, with its line feed.
+    /// The report as one JSON line, with its line feed.
     ///
     /// # Panics
     /// Never: numbers, texts and lists have a JSON form.
@@ -233,11 +233,11 @@ impl<'a> Report<'a> {
 
 impl Sensor {
     fn new(mounting: &Mounting) -> Self {
-        let place = mounting.robot_from_sensor;
+        let pose = mounting.robot_from_sensor;
         Self {
-            x_m: rounded(place.x_m),
-            y_m: rounded(place.y_m),
-            bearing_rad: rounded(place.theta_rad),
+            x_m: rounded(pose.x_m),
+            y_m: rounded(pose.y_m),
+            bearing_rad: rounded(pose.theta_rad),
             half_angle_rad: rounded(mounting.half_angle_rad),
         }
     }
@@ -254,10 +254,10 @@ impl Range {
     }
 }
 
-/// The map as a line; none where nothing is known of it.
+/// The map as a line; none while the map is empty.
 ///
 /// # Errors
-/// As the picture's writer.
+/// When the PNG cannot be encoded.
 pub fn map_line(at: Timestamp, raster: &Raster) -> Result<Option<Bytes>, png::EncodingError> {
     if raster.occupancy.is_empty() {
         return Ok(None);
@@ -283,7 +283,7 @@ const fn word(verdict: Verdict) -> &'static str {
     }
 }
 
-/// To a millionth: more digits say nothing.
+/// Rounds to a millionth: further digits carry no information.
 fn rounded(value: f64) -> f64 {
     libm::round(value * 1e6) / 1e6
 }

@@ -1,32 +1,32 @@
-//! A line from a client → what it wants.
+//! Parses a client's line into a request.
 //!
 //! A request is a line `?NAME;` or `?NAME=VALUE;`. The semicolon and a carriage return may be missing.
 
 use serde::{Deserialize, Serialize};
 
-/// A longer line is no request, bytes.
-pub const LONGEST_LINE: usize = 64 << 10;
+/// Longest accepted line, bytes.
+pub const MAX_LINE_BYTES: usize = 64 << 10;
 
-/// What a client may want.
+/// A client's request.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Request {
-    /// `?VERSION;`: who serves.
+    /// `?VERSION;`: the program's and the API's version.
     Version,
-    /// `?POLL;`: all that is newest, except the map.
+    /// `?POLL;`: the newest of everything except the map.
     Poll,
     /// `?MAP;`: the newest map.
     Map,
     /// `?WATCH={...};`: reports from now on.
     Watch(Watch),
-    /// `?TOKEN="...";`: who asks may do so.
+    /// `?TOKEN="...";`: authenticates the client.
     Token(String),
 }
 
-/// What is to be reported, and how often at most.
+/// Which reports a client subscribes to, and their highest rates.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Watch {
-    /// False ends all reports.
+    /// False ends the subscription.
     pub enable: bool,
     /// Poses per second; 0 for none.
     pub pose_hz: f64,
@@ -44,10 +44,10 @@ impl Default for Watch {
     }
 }
 
-/// A line that is no request.
+/// Why a line is not a request.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RequestError {
-    /// Another word than those.
+    /// No known request.
     #[error(
         "unknown request: expected ?WATCH={{\"pose_hz\":5}};, ?POLL;, ?MAP;, ?VERSION; or ?TOKEN=\"...\";, one on a line"
     )]
@@ -55,10 +55,10 @@ pub enum RequestError {
     /// The bytes are not UTF-8.
     #[error("the line is not UTF-8")]
     NotText,
-    /// A value where none belongs.
+    /// A value for a request that takes none.
     #[error("?{0}; takes no value")]
     Surplus(&'static str),
-    /// A value that is no JSON, or not the one that belongs there.
+    /// A value that is not JSON, or not of the expected form.
     #[error("?{name}: {error}; expected {expected}")]
     Value {
         /// The request.
@@ -71,30 +71,30 @@ pub enum RequestError {
     /// A rate outside its range.
     #[error("?WATCH: {key} = {value} is out of range: it must be 0, or from {MIN_HZ} to {most}")]
     Rate {
-        /// The rate.
+        /// The rate's key.
         key: &'static str,
-        /// As given.
+        /// The given value.
         value: String,
-        /// The most allowed.
+        /// The highest allowed rate.
         most: u32,
     },
 }
 
-/// Less than once in 1,000 s is never.
+/// Lowest rate, hertz: once in 1,000 s.
 const MIN_HZ: f64 = 0.001;
-/// Sweeps come no faster; a map is copied whole and needs no more.
+/// Highest rates, hertz. Sweeps are no faster; a map is copied whole, so it may come once a second.
 const MAX_HZ: u32 = 50;
 const MAX_MAP_HZ: u32 = 1;
-/// Words of an error beyond this are cut: a client's own words are not sent back at length.
-const LONGEST_WORDS: usize = 120;
+/// Longest error text, characters: an error may quote the client's line, which may be long.
+const MAX_ERROR_CHARS: usize = 120;
 
 const WATCH: &str = "an object with enable, pose_hz, sweep_hz, map_hz or stats_hz";
 const TOKEN: &str = "a JSON string";
 
-/// Reads a line without its line feed. None where it is blank.
+/// Parses a line without its line feed; none if it is blank.
 ///
 /// # Errors
-/// What is wrong with it, and what is expected.
+/// What is wrong with the line, and what is expected.
 pub fn parse(line: &[u8]) -> Result<Option<Request>, RequestError> {
     let text = std::str::from_utf8(line).map_err(|_| RequestError::NotText)?.trim();
     if text.is_empty() {
@@ -119,7 +119,7 @@ pub fn parse(line: &[u8]) -> Result<Option<Request>, RequestError> {
 
 fn json<'a, T: Deserialize<'a>>(name: &'static str, value: &'a str, expected: &'static str) -> Result<T, RequestError> {
     serde_json::from_str(value).map_err(|error| {
-        let error: String = error.to_string().chars().take(LONGEST_WORDS).collect();
+        let error: String = error.to_string().chars().take(MAX_ERROR_CHARS).collect();
         RequestError::Value { name, error, expected }
     })
 }
@@ -145,7 +145,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn requests_are_read_with_and_without_their_end() {
+    fn requests_are_parsed_with_and_without_a_semicolon() {
         for end in ["", ";", ";\r", " ; "] {
             assert_eq!(parse(format!("?POLL{end}").as_bytes()), Ok(Some(Request::Poll)), "{end:?}");
         }
@@ -157,18 +157,18 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_said_with_what_is_expected() {
-        let words = |line: &str| parse(line.as_bytes()).unwrap_err().to_string();
-        assert!(words("GET / HTTP/1.1").contains("expected ?WATCH"));
-        assert!(words("?MAP=1;").contains("takes no value"));
-        assert!(words(r#"?WATCH={"pose":1};"#).contains("unknown field `pose`"));
-        assert!(words(r#"?WATCH={"pose_hz":1e999};"#).contains("out of range"));
+    fn errors_name_what_is_expected() {
+        let message = |line: &str| parse(line.as_bytes()).unwrap_err().to_string();
+        assert!(message("GET / HTTP/1.1").contains("expected ?WATCH"));
+        assert!(message("?MAP=1;").contains("takes no value"));
+        assert!(message(r#"?WATCH={"pose":1};"#).contains("unknown field `pose`"));
+        assert!(message(r#"?WATCH={"pose_hz":1e999};"#).contains("out of range"));
         assert!(
-            words(r#"?WATCH={"map_hz":2};"#).contains("map_hz = 2 is out of range: it must be 0, or from 0.001 to 1")
+            message(r#"?WATCH={"map_hz":2};"#).contains("map_hz = 2 is out of range: it must be 0, or from 0.001 to 1")
         );
-        assert!(words(r#"?WATCH={"pose_hz":-1};"#).contains("pose_hz = -1"));
-        assert!(words("?TOKEN;").contains("a JSON string"));
-        assert!(words(&format!(r#"?WATCH={{"{}":1}};"#, "x".repeat(60_000))).len() < 300);
+        assert!(message(r#"?WATCH={"pose_hz":-1};"#).contains("pose_hz = -1"));
+        assert!(message("?TOKEN;").contains("a JSON string"));
+        assert!(message(&format!(r#"?WATCH={{"{}":1}};"#, "x".repeat(60_000))).len() < 300);
         assert_eq!(parse(b"?POLL\xff"), Err(RequestError::NotText));
     }
 
@@ -187,7 +187,7 @@ mod tests {
         }
 
         #[test]
-        fn any_bytes_are_a_request_or_words(line: Vec<u8>) {
+        fn any_bytes_are_a_request_or_an_error(line: Vec<u8>) {
             let _ = parse(&line);
         }
     }

@@ -1,6 +1,7 @@
-//! The thread around all clients: doors, limits, what is newest.
+//! The thread that serves all clients: listeners, limits, and the newest snapshot.
 
 use super::client::End;
+use super::connection;
 use super::listener::Listener;
 use super::mailbox::Mailbox;
 use super::metrics::Served;
@@ -8,7 +9,6 @@ use super::pages;
 use super::report::map_line;
 use super::tap::Tap;
 use super::token::Token;
-use super::visit;
 use bytes::Bytes;
 use slamd_core::{Snapshot, Timestamp};
 use std::cell::Cell;
@@ -22,7 +22,7 @@ use tokio::net::{TcpListener, UnixListener};
 use tokio::sync::{oneshot, watch};
 use tokio::task::{LocalSet, spawn_local};
 
-/// Serves a session to whoever listens, from a thread of its own, until it is dropped.
+/// Serves a session to clients from its own thread until it is dropped.
 #[derive(Debug)]
 pub struct Server {
     mailbox: Arc<Mailbox>,
@@ -31,18 +31,18 @@ pub struct Server {
     files: Vec<PathBuf>,
 }
 
-/// More clients are turned away.
+/// Limits on open connections; further ones are refused.
 const MAX_CLIENTS: usize = 64;
 const MAX_PAGES: usize = 8;
-/// Those who are told why they must go.
-const MAX_PARTING: usize = 16;
-/// A map of so long ago need not be copied anew.
-const FRESH: Duration = Duration::from_millis(500);
-/// Without a descriptor nobody is let in for a moment.
-const BREATH: Duration = Duration::from_millis(100);
+/// Refused clients that are sent the reason at the same time; others are closed without one.
+const MAX_REFUSING: usize = 16;
+/// A map younger than this is sent again instead of being copied.
+const MAP_REUSE: Duration = Duration::from_millis(500);
+/// Wait after a failed accept, as when no file descriptor is free.
+const ACCEPT_RETRY: Duration = Duration::from_millis(100);
 
 impl Server {
-    /// Begins to serve at these doors. Where a token is given, whoever comes over TCP must know it.
+    /// Begins to serve on these listeners. TCP clients must send the token, if there is one.
     ///
     /// # Errors
     /// When the system refuses a thread or its event loop.
@@ -58,8 +58,8 @@ impl Server {
         let thread = {
             let mailbox = Arc::clone(&mailbox);
             std::thread::Builder::new().name("api".into()).spawn(move || {
-                let state = LocalSet::new();
-                state.block_on(&runtime, async move {
+                let tasks = LocalSet::new();
+                tasks.block_on(&runtime, async move {
                     ServerState::open(mailbox, listeners, token);
                     let _ = is_over.await;
                 });
@@ -68,7 +68,7 @@ impl Server {
         Ok(Self { mailbox, end: Some(end), thread: Some(thread), files })
     }
 
-    /// What looks at the session of this robot.
+    /// The tap that copies the session of this robot.
     #[must_use]
     pub fn tap(&self, robot: &str) -> Tap {
         Tap::new(Arc::clone(&self.mailbox), robot.into())
@@ -87,17 +87,17 @@ impl Drop for Server {
     }
 }
 
-/// What all tasks of the thread share.
+/// State shared by all tasks of the thread.
 pub(super) struct ServerState {
     pub(super) mailbox: Arc<Mailbox>,
     pub(super) begin: Instant,
-    pub(super) moment: watch::Sender<Arc<Snapshot>>,
-    /// The newest map as a line; none where nothing is known of it.
+    pub(super) snapshot: watch::Sender<Arc<Snapshot>>,
+    /// The newest map as a line; none while the map is empty.
     pub(super) map: watch::Sender<Option<Bytes>>,
     mapped: Cell<Option<Timestamp>>,
     clients: Cell<usize>,
     pages: Cell<usize>,
-    parting: Cell<usize>,
+    refusing: Cell<usize>,
     refused: Cell<u64>,
     slow: Cell<u64>,
 }
@@ -108,21 +108,21 @@ impl ServerState {
         let state = Rc::new(Self {
             mailbox,
             begin: Instant::now(),
-            moment: watch::Sender::default(),
+            snapshot: watch::Sender::default(),
             map: watch::Sender::default(),
             mapped: Cell::default(),
             clients: Cell::default(),
             pages: Cell::default(),
-            parting: Cell::default(),
+            refusing: Cell::default(),
             refused: Cell::default(),
             slow: Cell::default(),
         });
-        spawn_local(listen(Rc::clone(&state)));
+        spawn_local(distribute(Rc::clone(&state)));
         for listener in listeners {
-            let (place, state) = (listener.place(), Rc::clone(&state));
+            let (address, state) = (listener.address(), Rc::clone(&state));
             spawn_local(async move {
-                if let Err(error) = admit(state, listener, token).await {
-                    tracing::error!("api: nobody can come in at {place}: {error}");
+                if let Err(error) = accept_all(state, listener, token).await {
+                    tracing::error!("api: cannot accept connections on {address}: {error}");
                 }
             });
         }
@@ -132,9 +132,9 @@ impl ServerState {
         Timestamp::default() + self.begin.elapsed()
     }
 
-    /// The newest map, if it is new enough to be sent again: however many ask, it is copied no more than twice a second.
+    /// The newest map, if it is younger than [`MAP_REUSE`]: the pipeline copies it at most twice a second for any number of clients.
     pub(super) fn fresh_map(&self, now: Timestamp) -> Option<Option<Bytes>> {
-        self.mapped.get().filter(|mapped| *mapped + FRESH > now).map(|_| self.map.borrow().clone())
+        self.mapped.get().filter(|mapped| *mapped + MAP_REUSE > now).map(|_| self.map.borrow().clone())
     }
 
     pub(super) fn served(&self) -> Served {
@@ -146,7 +146,7 @@ impl ServerState {
     }
 }
 
-/// One more of something, for as long as this lives.
+/// Counts one connection until it is dropped.
 pub(super) struct Counted(Rc<ServerState>, fn(&ServerState) -> &Cell<usize>);
 
 impl Counted {
@@ -166,8 +166,8 @@ impl Drop for Counted {
     }
 }
 
-/// Hands on what the pipeline's thread leaves.
-async fn listen(state: Rc<ServerState>) {
+/// Passes the pipeline's snapshots and maps to all clients.
+async fn distribute(state: Rc<ServerState>) {
     loop {
         let (snapshot, map) = state.mailbox.next().await;
         if let Some((at, raster)) = map {
@@ -178,34 +178,34 @@ async fn listen(state: Rc<ServerState>) {
             state.mapped.set(Some(state.now()));
             state.map.send_replace(line);
         }
-        state.moment.send_replace(Arc::new(snapshot));
+        state.snapshot.send_replace(Arc::new(snapshot));
     }
 }
 
-/// Lets clients in.
-async fn admit(state: Rc<ServerState>, listener: Listener, token: Option<Token>) -> io::Result<()> {
+/// Accepts connections.
+async fn accept_all(state: Rc<ServerState>, listener: Listener, token: Option<Token>) -> io::Result<()> {
     match listener {
         Listener::Tcp(listener) => {
             let listener = TcpListener::from_std(listener)?;
             loop {
-                let Some((stream, from)) = come_in(listener.accept().await).await else { continue };
-                // A pose is not held back until there are more.
+                let Some((stream, from)) = accepted(listener.accept().await).await else { continue };
+                // Send each pose at once instead of collecting several (Nagle's algorithm).
                 let _ = stream.set_nodelay(true);
-                welcome(&state, stream, from.to_string(), token);
+                serve_client(&state, stream, from.to_string(), token);
             }
         }
         Listener::Unix(listener, path) => {
-            let (listener, who) = (UnixListener::from_std(listener)?, path.display().to_string());
+            let (listener, peer) = (UnixListener::from_std(listener)?, path.display().to_string());
             loop {
-                let Some((stream, _)) = come_in(listener.accept().await).await else { continue };
-                // Whoever may open the file is its owner.
-                welcome(&state, stream, who.clone(), None);
+                let Some((stream, _)) = accepted(listener.accept().await).await else { continue };
+                // The file's mode lets only its owner connect, so no token is needed.
+                serve_client(&state, stream, peer.clone(), None);
             }
         }
         Listener::Http(listener) => {
             let listener = TcpListener::from_std(listener)?;
             loop {
-                let Some((stream, _)) = come_in(listener.accept().await).await else { continue };
+                let Some((stream, _)) = accepted(listener.accept().await).await else { continue };
                 let counted = Counted::new(&state, |state| &state.pages, MAX_PAGES);
                 let Some(counted) = counted else { continue };
                 spawn_local(pages::serve(Rc::clone(&state), counted, stream, token));
@@ -214,28 +214,28 @@ async fn admit(state: Rc<ServerState>, listener: Listener, token: Option<Token>)
     }
 }
 
-/// Who has come, if anybody. Without a free descriptor nobody can for a while.
-async fn come_in<T>(accepted: io::Result<T>) -> Option<T> {
-    match accepted {
+/// The accepted connection; after a failure it waits, because a missing file descriptor would make the loop spin.
+async fn accepted<T>(result: io::Result<T>) -> Option<T> {
+    match result {
         Ok(accepted) => Some(accepted),
         Err(error) => {
-            tracing::debug!("api: nobody can come in: {error}");
-            tokio::time::sleep(BREATH).await;
+            tracing::debug!("api: cannot accept a connection: {error}");
+            tokio::time::sleep(ACCEPT_RETRY).await;
             None
         }
     }
 }
 
-fn welcome<S>(state: &Rc<ServerState>, stream: S, who: String, token: Option<Token>)
+fn serve_client<S>(state: &Rc<ServerState>, stream: S, peer: String, token: Option<Token>)
 where
     S: tokio::io::AsyncRead + tokio::io::AsyncWrite + Unpin + 'static,
 {
     if let Some(counted) = Counted::new(state, |state| &state.clients, MAX_CLIENTS) {
-        spawn_local(visit::serve(Rc::clone(state), counted, stream, who, token));
+        spawn_local(connection::serve(Rc::clone(state), counted, stream, peer, token));
         return;
     }
     state.refused.set(state.refused.get() + 1);
-    if let Some(counted) = Counted::new(state, |state| &state.parting, MAX_PARTING) {
-        spawn_local(visit::turn_away(counted, stream));
+    if let Some(counted) = Counted::new(state, |state| &state.refusing, MAX_REFUSING) {
+        spawn_local(connection::refuse(counted, stream));
     }
 }

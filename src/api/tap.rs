@@ -1,11 +1,11 @@
-//! On the pipeline's thread: copies the newest state for the clients, and never waits for them.
+//! Runs on the pipeline's thread: copies the newest state for the clients and never waits for them.
 
 use super::mailbox::{Mailbox, Slot};
 use crate::source::session::{Session, copy_state};
 use slamd_core::link::{Link, LinkCause, LinkState};
 use std::sync::Arc;
 
-/// Looks at a session between its steps.
+/// Copies a session's state between its steps.
 #[derive(Debug)]
 pub struct Tap {
     mailbox: Arc<Mailbox>,
@@ -18,7 +18,7 @@ pub struct Tap {
 }
 
 impl Tap {
-    /// A tap of this robot's session, for the thread at the other end of the mailbox.
+    /// A tap of this robot's session that fills `mailbox`.
     #[must_use]
     pub fn new(mailbox: Arc<Mailbox>, robot: String) -> Self {
         Self {
@@ -31,19 +31,19 @@ impl Tap {
         }
     }
 
-    /// The session has begun, so many microseconds after 1970.
+    /// The session has begun, `unix_zero_us` microseconds after 1970.
     pub fn begin(&mut self, unix_zero_us: Option<u64>) {
         self.unix_zero_us = unix_zero_us;
     }
 
-    /// Copies the state for the server, where it has changed and a client wants it. Never waits.
+    /// Copies the state if it has changed and a client needs it. Never waits.
     pub fn look(&mut self, link: &Link, session: Option<&Session>) {
         if !self.mailbox.is_wanted() {
             return;
         }
         let sweep = session.and_then(|session| Some(session.pipeline().sweep()?.index));
         let is_new = sweep != self.sweep || link.state() != self.link || *link.cause() != self.cause;
-        if !is_new && !self.mailbox.is_asked() {
+        if !is_new && !self.mailbox.is_requested() {
             return;
         }
         let Some((mut slot, wants_map)) = self.mailbox.open() else { return };
@@ -59,11 +59,11 @@ impl Tap {
             *map = Some(session.map(|session| (session.now(), session.pipeline().raster())).unwrap_or_default());
         }
         drop(slot);
-        self.mailbox.tell();
+        self.mailbox.notify();
     }
 }
 
-/// Into the buffer that is there.
+/// Copies into the existing buffer, without an allocation.
 fn copy(target: &mut String, text: &str) {
     if target != text {
         text.clone_into(target);

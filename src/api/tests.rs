@@ -1,4 +1,4 @@
-//! A client in a time of its own.
+//! Tests of one client with simulated time.
 
 use super::mailbox::Mailbox;
 use super::{Client, End, Report, Snapshot, Tap, Token};
@@ -12,11 +12,11 @@ fn at(ms: u64) -> Timestamp {
     Timestamp::from_us(1_000 * ms)
 }
 
-/// What waits for the client, taken; the class of each line and the line.
+/// Reads all waiting lines: the class of each line and the line.
 fn taken(client: &mut Client, ms: u64) -> Vec<(String, Value)> {
     let mut text = Vec::new();
     while !client.outgoing().is_empty() {
-        // Whatever the pieces.
+        // Small pieces, which do not end at line feeds.
         let count = client.outgoing().len().min(7);
         text.extend_from_slice(&client.outgoing()[..count]);
         client.wrote(at(ms), count);
@@ -30,8 +30,8 @@ fn classes(client: &mut Client, ms: u64) -> Vec<String> {
     taken(client, ms).into_iter().map(|(class, _)| class).collect()
 }
 
-/// A moment with this sweep.
-fn moment(sweep: u64) -> Snapshot {
+/// A snapshot with sweep number `sweep`.
+fn snapshot(sweep: u64) -> Snapshot {
     let at = at(100 * sweep);
     let pose = Pose2::new(1.0, 2.0, 0.5);
     let estimate = Estimate { at, sweep, pose, covariance: Matrix3::identity(), odometry: pose, nis: f64::NAN };
@@ -65,7 +65,7 @@ fn poses_come_at_the_rate_asked_for() {
             // Ten sweeps a second, up to 20 ms late.
             let ms = 100 * sweep + 7 * sweep % 21;
             client.tick(at(ms));
-            client.news(at(ms), &moment(sweep), 1);
+            client.update(at(ms), &snapshot(sweep), 1);
             poses += classes(&mut client, ms).iter().filter(|class| *class == "POSE").count();
         }
         assert!(poses.abs_diff(expected) <= 1, "{hz} Hz: {poses} poses in 10 s");
@@ -75,7 +75,7 @@ fn poses_come_at_the_rate_asked_for() {
 #[test]
 fn what_is_no_number_in_json_is_a_word_or_null() {
     let mut client = watching("?WATCH={\"pose_hz\":10,\"sweep_hz\":10};\n");
-    client.news(at(100), &moment(1), 1);
+    client.update(at(100), &snapshot(1), 1);
     let lines = taken(&mut client, 100);
     let line = |class: &str| &lines.iter().find(|(found, _)| found == class).unwrap().1;
     assert_eq!(line("SWEEP")["ranges_m"].to_string(), r#"[1.25,"clear","near",null]"#);
@@ -83,19 +83,19 @@ fn what_is_no_number_in_json_is_a_word_or_null() {
 }
 
 #[test]
-fn faults_are_told_once_and_those_of_before_to_whoever_begins() {
+fn each_fault_is_reported_once_and_a_new_watcher_gets_the_present_ones() {
     let mut client = watching("?WATCH={\"pose_hz\":0};\n");
-    let mut moment = moment(1);
-    moment.changes = vec![None, fault(1, SensorState::Faulty(FaultKind::Stuck)), fault(2, SensorState::Healthy)];
-    client.news(at(100), &moment, 1);
-    assert_eq!(classes(&mut client, 100), ["DEVICE", "FAULT"], "the mended sensor is no news");
-    client.news(at(200), &moment, 1);
+    let mut snapshot = snapshot(1);
+    snapshot.changes = vec![None, fault(1, SensorState::Faulty(FaultKind::Stuck)), fault(2, SensorState::Healthy)];
+    client.update(at(100), &snapshot, 1);
+    assert_eq!(classes(&mut client, 100), ["DEVICE", "FAULT"], "a fault that has passed is not reported");
+    client.update(at(200), &snapshot, 1);
     assert!(classes(&mut client, 200).is_empty(), "nothing has changed");
-    moment.changes[1] = fault(1, SensorState::Healthy);
-    client.news(at(300), &moment, 1);
+    snapshot.changes[1] = fault(1, SensorState::Healthy);
+    client.update(at(300), &snapshot, 1);
     assert_eq!(taken(&mut client, 300)[0].1["state"], "healthy");
     client.received(at(400), b"?POLL;\n");
-    client.news(at(400), &moment, 1);
+    client.update(at(400), &snapshot, 1);
     assert_eq!(classes(&mut client, 400), ["DEVICE", "SWEEP", "POSE", "STATS"]);
 }
 
@@ -106,34 +106,34 @@ fn a_map_is_asked_for_when_it_is_due() {
     let mut maps = Vec::new();
     for ms in (0..10_000).step_by(100) {
         client.tick(at(ms));
-        if client.asks().map {
+        if client.pending().map {
             client.map(at(ms), Some(&line));
         }
         maps.extend(classes(&mut client, ms).iter().map(|_| ms));
         assert!(client.deadline() > at(ms), "it does not spin");
     }
     assert!((5..=6).contains(&maps.len()), "{maps:?}");
-    // A map that somebody else has asked for is not sent.
+    // A map that another client requested is not sent.
     client.map(at(10_000), Some(&line));
     assert!(classes(&mut client, 10_000).is_empty());
 }
 
 #[test]
-fn who_takes_nothing_is_dropped_with_a_notice_after_the_line_it_has_begun() {
+fn a_client_that_reads_nothing_is_dropped_with_a_notice_after_the_current_line() {
     let mut client = watching("?WATCH={\"sweep_hz\":50};\n");
-    client.news(at(0), &moment(0), 1);
+    client.update(at(0), &snapshot(0), 1);
     client.wrote(at(0), 3);
     let begun = client.outgoing().to_vec();
     for sweep in 1.. {
-        client.news(at(100), &moment(sweep), 1);
+        client.update(at(100), &snapshot(sweep), 1);
         client.received(at(100), b"?VERSION;\n?VERSION;\n?VERSION;\n?VERSION;\n");
         if client.end().is_some() {
             break;
         }
-        assert!(sweep < 5_000, "nothing bounds what waits");
+        assert!(sweep < 5_000, "the queue has no bound");
     }
     assert_eq!(client.end(), Some(End::Slow));
-    assert_eq!(client.outgoing(), begun, "what has been begun is not cut");
+    assert_eq!(client.outgoing(), begun, "a partly written line is not cut");
     client.wrote(at(100), begun.len());
     assert!(taken(&mut client, 100)[0].1["message"].as_str().unwrap().contains("too slow"));
     assert!(client.is_over(at(100)));
@@ -143,48 +143,48 @@ fn who_takes_nothing_is_dropped_with_a_notice_after_the_line_it_has_begun() {
     client.tick(at(9_999));
     assert_eq!(client.end(), None);
     client.tick(client.deadline());
-    assert_eq!(client.end(), Some(End::Slow), "it is stuck");
-    assert!(!client.is_over(at(14_999)) && client.is_over(at(15_000)), "nobody waits for ever");
+    assert_eq!(client.end(), Some(End::Slow), "the client is stalled");
+    assert!(!client.is_over(at(14_999)) && client.is_over(at(15_000)), "the last line has a time limit");
 }
 
 #[test]
-fn a_line_has_an_end() {
+fn a_line_has_a_maximum_length() {
     for pieces in [1, 1_000, 65_536] {
         let mut client = Client::new(at(0), None);
         taken(&mut client, 0);
         for piece in vec![b'x'; 65_536].chunks(pieces) {
             client.received(at(0), piece);
         }
-        assert_eq!(client.end(), None, "64 KiB may be");
+        assert_eq!(client.end(), None, "64 KiB are allowed");
         client.received(at(0), b"x");
-        assert_eq!(client.end(), Some(End::Long));
+        assert_eq!(client.end(), Some(End::LineTooLong));
         assert!(taken(&mut client, 0)[0].1["message"].as_str().unwrap().contains("65536 bytes"));
     }
 }
 
 #[test]
-fn a_stranger_gets_nothing_and_not_for_long() {
+fn a_client_without_the_token_gets_nothing_and_is_dropped() {
     let token = Some(Token::new("0123456789abcdef"));
     let mut client = Client::new(at(0), token);
-    assert!(client.outgoing().is_empty(), "strangers are not greeted");
+    assert!(client.outgoing().is_empty(), "nothing is sent before the token");
     client.received(at(0), b"?WATCH;\n?TOKEN=\"0123456789abcdef\";\n?WATCH;\n");
     assert_eq!(classes(&mut client, 0), ["ERROR", "VERSION", "WATCH"]);
     client.tick(at(6_000));
-    assert_eq!(client.end(), None, "it is known now");
+    assert_eq!(client.end(), None, "the client is authenticated now");
 
     let mut client = Client::new(at(0), token);
     client.received(at(0), b"?TOKEN=\"0123456789abcdee\";\n?POLL;\nGET / HTTP/1.1\n?TOKEN=\"0123456789abcdef\";\n");
-    assert_eq!(client.end(), Some(End::Stranger), "the fourth try is too late");
-    assert!(!client.asks().moment);
+    assert_eq!(client.end(), Some(End::Unauthorized), "the fourth attempt is too late");
+    assert!(!client.pending().snapshot);
 
     let mut client = Client::new(at(0), token);
     assert_eq!(client.deadline(), at(5_000));
     client.tick(at(5_000));
-    assert_eq!(client.end(), Some(End::Stranger));
+    assert_eq!(client.end(), Some(End::Unauthorized));
 }
 
 #[test]
-fn who_neither_asks_nor_watches_is_dropped_and_who_watches_is_not() {
+fn an_idle_client_is_dropped_and_a_watching_one_is_not() {
     let mut idle = Client::new(at(0), None);
     taken(&mut idle, 0);
     idle.received(at(15_000), b"nonsense\n");
@@ -199,12 +199,12 @@ fn who_neither_asks_nor_watches_is_dropped_and_who_watches_is_not() {
 }
 
 #[test]
-fn who_asks_and_hangs_up_still_gets_the_answer() {
+fn a_request_is_answered_after_the_client_closed_its_side() {
     let mut client = Client::new(at(0), None);
     client.received(at(0), b"?POLL;\n");
-    client.hung_up(at(0));
+    client.peer_closed(at(0));
     assert_eq!(client.end(), None);
-    client.news(at(100), &moment(1), 1);
+    client.update(at(100), &snapshot(1), 1);
     assert_eq!(client.end(), Some(End::Done));
     assert!(!client.is_over(at(100)));
     assert_eq!(classes(&mut client, 100).last().unwrap(), "STATS");
@@ -220,20 +220,20 @@ fn every_report_is_one_line() {
 }
 
 #[test]
-fn the_pipelines_thread_copies_what_is_wanted_and_waits_for_nobody() {
+fn the_pipelines_thread_copies_on_request_and_never_waits() {
     let mailbox = Arc::<Mailbox>::default();
     let mut tap = Tap::new(Arc::clone(&mailbox), "robot".into());
     let mut link = Link::new(115_200);
     link.closed(at(0), "no port");
     let seen = || mailbox.open().unwrap().0.snapshot.cause.clone();
     tap.look(&link, None);
-    assert_eq!(seen(), "", "nobody wants anything");
+    assert_eq!(seen(), "", "there is no request");
     let busy = mailbox.open();
     mailbox.ask();
     tap.look(&link, None);
     drop(busy);
-    assert!(mailbox.is_asked(), "the server was looking: the next time");
+    assert!(mailbox.is_requested(), "the server held the lock: the request stays open");
     tap.look(&link, None);
-    assert!(!mailbox.is_asked());
+    assert!(!mailbox.is_requested());
     assert_eq!(seen(), "no port");
 }

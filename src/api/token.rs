@@ -1,4 +1,4 @@
-//! The word that lets a client in.
+//! The token that authenticates a client.
 
 use sha2::{Digest as _, Sha256};
 use slamd_files::private;
@@ -6,7 +6,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use subtle::ConstantTimeEq as _;
 
-/// A token, of which only the digest is kept.
+/// A token; only its digest is kept.
 #[derive(Clone, Copy)]
 pub struct Token([u8; 32]);
 
@@ -20,34 +20,34 @@ pub struct TokenError {
     pub cause: String,
 }
 
-/// A shorter one is guessed.
-const SHORTEST: usize = 16;
-const LONGEST: usize = 1_024;
+/// Length limits, characters: a shorter token could be guessed.
+const MIN_LENGTH: usize = 16;
+const MAX_LENGTH: usize = 1_024;
 
 impl Token {
     /// Reads a token file: its first line is the token.
     ///
     /// # Errors
-    /// Where it cannot be read, others than its owner may read it, or it holds no token.
+    /// When the file cannot be read, when other users may read it, or when it holds no token.
     pub fn read(path: &Path) -> Result<Self, TokenError> {
         let failure = |cause: String| TokenError { path: path.into(), cause };
         let line = private::first_line(path).map_err(failure)?;
         let word = line.trim();
-        if !(SHORTEST..=LONGEST).contains(&word.len()) || !word.bytes().all(|byte| byte.is_ascii_graphic()) {
+        if !(MIN_LENGTH..=MAX_LENGTH).contains(&word.len()) || !word.bytes().all(|byte| byte.is_ascii_graphic()) {
             return Err(failure(format!(
-                "its first line must be {SHORTEST} to {LONGEST} printable ASCII characters, as `openssl rand -hex 32` makes them"
+                "its first line must be {MIN_LENGTH} to {MAX_LENGTH} printable ASCII characters; make one with `openssl rand -hex 32`"
             )));
         }
         Ok(Self::new(word))
     }
 
-    /// The token that this word is.
+    /// The token of this text.
     #[must_use]
     pub fn new(word: &str) -> Self {
         Self(Sha256::digest(word.as_bytes()).into())
     }
 
-    /// True where `word` is the token. How long that takes does not depend on where they differ.
+    /// True if `word` is the token. The comparison takes constant time.
     #[must_use]
     pub fn is(&self, word: &str) -> bool {
         self.0.ct_eq(&Self::new(word).0).into()
@@ -77,10 +77,10 @@ mod tests {
         };
         let token = read("0123456789abcdef\nnot this\n", 0o600).unwrap();
         assert!(token.is("0123456789abcdef") && !token.is("0123456789abcdeF") && !token.is(""));
-        let words = |text: &str, mode| read(text, mode).unwrap_err().to_string();
-        assert!(words("0123456789abcdef", 0o640).contains("chmod 600"));
-        assert!(words("short", 0o600).contains("openssl rand -hex 32"));
-        assert!(words("0123456789 abcdef", 0o600).contains("printable"));
+        let message = |text: &str, mode| read(text, mode).unwrap_err().to_string();
+        assert!(message("0123456789abcdef", 0o640).contains("chmod 600"));
+        assert!(message("short", 0o600).contains("openssl rand -hex 32"));
+        assert!(message("0123456789 abcdef", 0o600).contains("printable"));
         assert!(Token::read(&folder.path().join("none")).unwrap_err().to_string().contains("name a file"));
     }
 }

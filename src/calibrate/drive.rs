@@ -1,4 +1,4 @@
-//! A drive, mapped: every sweep with its pose, and the walls.
+//! A mapped drive: every sweep with its pose, and the walls.
 
 use slamd_core::{
     Calibration, Config, Driver, Estimate, Event, Pose2, Record, SensorState, Sweep, Update, saved_state::LandmarkState,
@@ -6,35 +6,35 @@ use slamd_core::{
 use slamd_metrics::{Accuracy, AccuracyMeter};
 use std::collections::VecDeque;
 
-/// A drive as the walls method has mapped it.
+/// A drive mapped by the walls method.
 #[derive(Clone, Debug, Default)]
 pub struct Drive {
     /// Each sweep with `map_from_robot`.
     pub steps: Vec<(Sweep, Pose2)>,
     /// Each wall with its offset, metres.
     pub walls: Vec<(LandmarkState, f64)>,
-    /// Where each sensor looks by the drawing, radians.
+    /// Nominal bearing of each sensor, radians.
     pub bearings_rad: Vec<f64>,
     /// The wheels.
     pub wheels: Calibration,
     /// The sensors' states at the end.
     pub states: Vec<SensorState>,
-    /// Errors against the truth, where the drive holds it.
+    /// Errors against the true poses, if the drive holds them.
     pub accuracy: Option<Accuracy>,
 }
 
-/// Maps a drive while its records come in.
+/// Maps a drive from its records.
 #[derive(Debug)]
 pub struct Mapper {
     driver: Driver,
     meter: AccuracyMeter,
-    /// Sweeps that have no pose yet.
+    /// Sweeps without a pose so far.
     waiting: VecDeque<Sweep>,
     steps: Vec<(Sweep, Pose2)>,
 }
 
 impl Mapper {
-    /// A mapper of a drive that has not begun.
+    /// A mapper for a new drive.
     #[must_use]
     pub fn new(config: &Config) -> Self {
         let pipeline = slamd_paper::pipeline(config, slamd_core::Start::Fresh)
@@ -67,7 +67,7 @@ impl Mapper {
         }
     }
 
-    /// The drive.
+    /// Ends the drive and returns it.
     #[must_use]
     pub fn finish(mut self) -> Drive {
         let mut estimates = Vec::new();

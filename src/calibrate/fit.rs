@@ -1,4 +1,4 @@
-//! One sensor's readings against the walls it heard: least squares with Cauchy's weights.
+//! Fits one sensor's readings to the walls that they are associated with: least squares with Cauchy weights.
 
 use super::Estimated;
 use super::drive::Drive;
@@ -9,37 +9,37 @@ use slamd_core::{
     stages::{BeamParams, observe_wall},
 };
 
-/// What is sought: range bias, bearing offset, error of the half angle.
+/// Number of parameters: range bias, bearing offset, error of the half angle.
 const UNKNOWNS: usize = 3;
 
-/// One reading of a wall: measured − expected, and its derivative by what is sought.
+/// One reading of a wall: measured − expected distance, and its Jacobian by the parameters.
 #[derive(Clone, Copy)]
 struct Row {
     residual_m: f64,
-    by: Vector3<f64>,
+    jacobian: Vector3<f64>,
     part: usize,
 }
 
-/// What one pass finds of one sensor.
+/// One sensor's result of one pass.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Step {
     pub(super) range_bias_m: Option<Estimated>,
     pub(super) bearing_offset_rad: Option<Estimated>,
 }
 
-/// Readings farther off than this are of something else, metres.
+/// Largest residual for an association with a wall, metres.
 const GATE_M: f64 = 0.2;
-/// From here on a reading's say falls, metres.
+/// Scale of the Cauchy weights: the weight of a reading falls to half at this residual, metres.
 const CAUCHY_M: f64 = 0.03;
-/// What a sensor is off by before anything is known: metres, radians, radians.
+/// Prior standard deviations of the parameters: metres, radians, radians.
 const PRIOR: [f64; UNKNOWNS] = [0.05, 0.09, 0.09];
-/// Only walls that many sweeps have seen, and readings within their extent.
+/// Least number of hits of a wall, and least distance of a reading from the wall's ends, metres.
 const MIN_HITS: u32 = 40;
 const INSIDE_M: f64 = 0.05;
-/// Parts of the drive that are left out in turn.
+/// Parts of the drive for the jackknife.
 const PARTS: usize = 8;
 const MIN_ROWS: usize = 60;
-/// A result less certain than this is none: metres, radians.
+/// Largest standard deviation of a result: metres, radians.
 const MAX_SIGMA_M: f64 = 0.008;
 const MAX_SIGMA_RAD: f64 = 0.75 * std::f64::consts::PI / 180.0;
 
@@ -52,7 +52,7 @@ pub(super) fn fit(drive: &Drive) -> Vec<Step> {
         .collect()
 }
 
-/// Root mean square of measured − expected; NaN where the sensor heard no wall.
+/// Root mean square of measured − expected; NaN if the sensor has no reading of a wall.
 pub(super) fn rms_m(drive: &Drive, sensor: usize) -> f64 {
     let rows = rows(drive, sensor);
     (rows.iter().map(|row| row.residual_m * row.residual_m).sum::<f64>() / rows.len() as f64).sqrt()
@@ -65,20 +65,20 @@ fn rows(drive: &Drive, sensor: usize) -> Vec<Row> {
         let Some(observation) = sweep.beams.get(sensor).and_then(observe) else { continue };
         let sign = observation.side.sign();
         let residual = |offset_m: f64| observation.depth_m - sign * (offset_m - observation.sensor_across_m);
-        let is_heard = |wall: &LandmarkState, offset_m: f64| {
+        let is_candidate = |wall: &LandmarkState, offset_m: f64| {
             wall.side == observation.side.index()
                 && wall.hits >= MIN_HITS
                 && (wall.lo_m + INSIDE_M..=wall.hi_m - INSIDE_M).contains(&observation.along_m)
                 && residual(offset_m).abs() < GATE_M
         };
-        // Of several the one that most have seen: a sensor that reads too long may have drawn a wall of its own.
-        let heard = drive.walls.iter().filter(|(wall, offset_m)| is_heard(wall, *offset_m));
-        let Some((_, offset_m)) = heard.max_by_key(|(wall, _)| wall.hits) else { continue };
+        // Of several candidates the wall with most hits: a sensor with a range bias may have initialized a wall of its own.
+        let candidates = drive.walls.iter().filter(|(wall, offset_m)| is_candidate(wall, *offset_m));
+        let Some((_, offset_m)) = candidates.max_by_key(|(wall, _)| wall.hits) else { continue };
         let tangent = if observation.side.axis() == 0 { sign } else { -sign };
         let lateral_m = tangent * (observation.along_m - observation.sensor_along_m);
         rows.push(Row {
             residual_m: residual(*offset_m),
-            by: Vector3::new(libm::cos(observation.oblique_rad), lateral_m, -lateral_m.abs()),
+            jacobian: Vector3::new(libm::cos(observation.oblique_rad), lateral_m, -lateral_m.abs()),
             part: step * PARTS / drive.steps.len(),
         });
     }
@@ -94,7 +94,7 @@ fn fit_sensor(rows: &[Row]) -> Step {
     Step { range_bias_m: bias, bearing_offset_rad: bearing }
 }
 
-/// One of the unknowns with its standard deviation: of the least squares, or of the parts of the drive if that is greater.
+/// One parameter with its standard deviation: the larger of the least squares' and the jackknife's.
 fn estimate(rows: &[Row], unknown: usize, with_bearing: bool) -> Option<Estimated> {
     let (x, covariance) = solve(rows.iter(), with_bearing)?;
     let mut without = Vec::with_capacity(PARTS);
@@ -108,7 +108,7 @@ fn estimate(rows: &[Row], unknown: usize, with_bearing: bool) -> Option<Estimate
     Some(Estimated { value: x[unknown], sigma: covariance[(unknown, unknown)].sqrt().max(jackknife) })
 }
 
-/// The unknowns and their covariance; a bearing that is not sought is held at 0.
+/// The parameters and their covariance; without `with_bearing` the bearing offset is held at 0.
 fn solve<'a>(rows: impl Iterator<Item = &'a Row> + Clone, with_bearing: bool) -> Option<(Vector3<f64>, Matrix3<f64>)> {
     let noise = CAUCHY_M * CAUCHY_M;
     let mut prior = PRIOR;
@@ -117,13 +117,13 @@ fn solve<'a>(rows: impl Iterator<Item = &'a Row> + Clone, with_bearing: bool) ->
     }
     let prior = Matrix3::from_diagonal(&Vector3::from(prior.map(|sigma| 1.0 / (sigma * sigma))));
     let (mut x, mut covariance) = (Vector3::zeros(), Matrix3::zeros());
-    for _ in 0..ROUNDS {
+    for _ in 0..ITERATIONS {
         let (mut information, mut vector) = (prior, Vector3::zeros());
         for row in rows.clone() {
-            let left_m = row.residual_m - row.by.dot(&x);
+            let left_m = row.residual_m - row.jacobian.dot(&x);
             let weight = 1.0 / (noise + left_m * left_m);
-            information += row.by * row.by.transpose() * weight;
-            vector += row.by * (row.residual_m * weight);
+            information += row.jacobian * row.jacobian.transpose() * weight;
+            vector += row.jacobian * (row.residual_m * weight);
         }
         covariance = information.try_inverse()?;
         x = covariance * vector;
@@ -131,5 +131,5 @@ fn solve<'a>(rows: impl Iterator<Item = &'a Row> + Clone, with_bearing: bool) ->
     Some((x, covariance))
 }
 
-/// Reweightings: the weights have settled by then.
-const ROUNDS: usize = 8;
+/// Iterations of the reweighted least squares; the weights have converged by then.
+const ITERATIONS: usize = 8;

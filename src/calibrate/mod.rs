@@ -1,20 +1,20 @@
-//! Calibration from a drive that is over: what each sensor reads too long, and how far it is turned from its drawing.
+//! Calibration from a recorded drive: the range bias and the bearing offset of each sensor.
 //!
-//! The walls method maps the drive; then each sensor's readings are compared with the walls it heard:
+//! The walls method maps the drive; then each sensor's readings are compared with the walls that they are associated with:
 //!
 //! `measured − expected = b cos(eps) + a r sin(eps) s − h r sin(eps)`
 //!
 //! b is the range bias, a the bearing offset, h an error of the cone's half angle, eps how far the wall's normal lies outside the
-//! cone on its side s = ±1 ([`slamd_core::position::beam_model`]). Least squares with Cauchy's weights find b, a and h per sensor. With the
-//! corrections the drive is mapped anew, and what is left is estimated again ([`PASSES`] times), because a map drawn by
-//! wrong sensors is a little wrong itself.
+//! cone on its side s = ±1 ([`slamd_core::position::beam_model`]). Least squares with Cauchy weights estimate b, a and h per sensor. The
+//! drive is then mapped again with the corrections and the remainder is estimated ([`PASSES`] times), because a map from biased sensors is
+//! slightly wrong itself.
 //!
-//! **What a drive cannot tell.** A bias of all sensors alike looks like a larger room, one that goes round the ring as a cosine like a
-//! ring that sits elsewhere on the robot, and a turn of all alike like another heading: these are taken out. What was found of less
-//! than half the ring is dropped, for what a few sensors have in common cannot be told from what is each one's own.
-//! A cone that holds the normal hears the same distance wherever it looks, so a bearing shows only at the cone's edge. Each estimate
-//! carries a standard deviation, the greater of the least squares' own and that of eight parts of the drive left out in turn; one
-//! that is too large is no estimate.
+//! **Not observable in a drive.** A bias that all sensors share looks like a larger room; a bias that varies around the ring as a cosine looks
+//! like a shifted ring; a rotation of all sensors looks like another heading. These parts are removed. Results for less than half the ring
+//! are dropped, because the common part of a few sensors cannot be separated from their individual parts. A cone that contains the wall's normal
+//! measures the same distance in every direction, so a bearing offset is observable only at the cone's edge. Each estimate has a standard
+//! deviation, the larger of the least squares' and a jackknife over eight parts of the drive; an estimate whose deviation is too large is
+//! dropped.
 
 pub mod drive;
 mod fit;
@@ -24,65 +24,65 @@ use nalgebra::{Matrix3, Vector3};
 use slamd_core::{Calibration, Config, config::CorrectionConfig};
 use slamd_metrics::Accuracy;
 
-/// How often the drive is mapped and fitted; once more it is mapped to see what has been gained.
+/// Number of times that the drive is mapped and fitted; a last mapping measures the improvement.
 pub const PASSES: usize = 3;
 
-/// One number found, with its standard deviation.
+/// An estimate with its standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimated {
-    /// The number.
+    /// The estimate.
     pub value: f64,
     /// Its standard deviation.
     pub sigma: f64,
 }
 
-/// What was found of one sensor; none where the drive holds too little about it.
+/// The result for one sensor; none where the drive has too few readings.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SensorResult {
-    /// How much too long it reads, without what the ring has in common, metres.
+    /// Range bias without the ring's common part, metres; positive for a sensor that reads too long.
     pub range_bias_m: Option<Estimated>,
-    /// How far it is turned, without what the ring has in common, radians.
+    /// Bearing offset without the ring's common part, radians.
     pub bearing_offset_rad: Option<Estimated>,
-    /// Root mean square of measured − expected distance before the corrections, metres; NaN where it heard no wall.
+    /// Root mean square of measured − expected distance before the corrections, metres; NaN if it has no reading of a wall.
     pub before_m: f64,
     /// The same after them.
     pub after_m: f64,
 }
 
-/// What a drive has taught.
+/// Result of a calibration.
 #[derive(Clone, Debug)]
 pub struct Report {
-    /// The configuration with everything that was learnt.
+    /// The configuration with all results.
     pub config: Config,
     /// The wheels.
     pub wheels: Calibration,
     /// Each sensor.
     pub sensors: Vec<SensorResult>,
-    /// Errors against the truth before and after, where the drive holds it.
+    /// Errors against the true poses before and after, if the drive holds them.
     pub accuracy: Option<[Accuracy; 2]>,
 }
 
-/// A drive that cannot be used.
+/// Why a drive cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CalibrateError {
     /// Nothing was mapped.
-    #[error("the drive is too short: no sweep was placed in a map")]
+    #[error("the drive is too short: no sweep has a pose")]
     NoMap,
 }
 
-/// Calibrates. `mapped` maps the whole drive with a configuration.
+/// Calibrates a robot; `mapped` maps the whole drive with a configuration.
 ///
 /// # Errors
-/// Where there is no map, and whatever `mapped` fails with.
+/// When there is no map, or when `mapped` fails.
 pub fn calibrate<E: From<CalibrateError>>(
     config: &Config,
     mut mapped: impl FnMut(&Config, usize) -> Result<Drive, E>,
 ) -> Result<Report, E> {
-    let mut learnt = config.clone();
+    let mut calibrated = config.clone();
     let mut first: Option<Drive> = None;
     let mut results: Vec<SensorResult> = Vec::new();
     for pass in 0..PASSES {
-        let drive = mapped(&learnt, pass)?;
+        let drive = mapped(&calibrated, pass)?;
         if drive.steps.is_empty() {
             return Err(CalibrateError::NoMap.into());
         }
@@ -95,24 +95,24 @@ pub fn calibrate<E: From<CalibrateError>>(
         let bearings_rad = drive.bearings_rad.as_slice();
         remove_common(&mut results, |result| &mut result.range_bias_m, |sensor| shift(bearings_rad[sensor]));
         remove_common(&mut results, |result| &mut result.bearing_offset_rad, |_| Vector3::new(1.0, 0.0, 0.0));
-        learnt.ring.corrections = corrections(config, &results);
+        calibrated.ring.corrections = corrections(config, &results);
         first.get_or_insert(drive);
     }
-    let after = mapped(&learnt, PASSES)?;
+    let after = mapped(&calibrated, PASSES)?;
     let before = first.unwrap_or_default();
     for (sensor, result) in results.iter_mut().enumerate() {
         (result.before_m, result.after_m) = (fit::rms_m(&before, sensor), fit::rms_m(&after, sensor));
     }
-    learnt.robot.set_wheels(&after.wheels);
+    calibrated.robot.set_wheels(&after.wheels);
     Ok(Report {
-        config: learnt,
+        config: calibrated,
         wheels: after.wheels,
         sensors: results,
         accuracy: before.accuracy.zip(after.accuracy).map(|(before, after)| [before, after]),
     })
 }
 
-/// What a later pass finds comes on top, if it finds anything; its uncertainty is the present one.
+/// Adds the result of a later pass, if there is one; its uncertainty replaces the earlier one.
 fn accumulate(total: &mut Option<Estimated>, step: Option<Estimated>) {
     *total = match (*total, step) {
         (Some(total), Some(step)) => Some(Estimated { value: total.value + step.value, sigma: step.sigma }),
@@ -120,13 +120,13 @@ fn accumulate(total: &mut Option<Estimated>, step: Option<Estimated>) {
     };
 }
 
-/// Biases that cannot be told from a larger room and from a ring that sits elsewhere on the robot.
+/// Patterns of bias that are not observable: of a larger room, and of a shifted ring.
 fn shift(bearing_rad: f64) -> Vector3<f64> {
     let (sin, cos) = libm::sincos(bearing_rad);
     Vector3::new(1.0, cos, sin)
 }
 
-/// Takes out what all sensors have in common: the least-squares mixture of the patterns. Nothing is left where too few were found.
+/// Removes the common part of all sensors: the least-squares combination of the patterns. Drops all results if there are too few.
 fn remove_common(
     results: &mut [SensorResult],
     part: impl Fn(&mut SensorResult) -> &mut Option<Estimated>,
@@ -137,7 +137,7 @@ fn remove_common(
         results.iter_mut().for_each(|result| *part(result) = None);
         return;
     }
-    // So little keeps the patterns apart where sensors on one side alone were found, and shrinks nothing that counts.
+    // This small term keeps the matrix invertible if only sensors on one side have results, and does not change the result noticeably.
     let (mut matrix, mut vector) = (Matrix3::identity() * 1e-6, Vector3::zeros());
     for (sensor, result) in results.iter_mut().enumerate() {
         if let Some(found) = part(result) {
@@ -153,7 +153,7 @@ fn remove_common(
     }
 }
 
-/// The configuration's corrections with those found on top, rounded to what anybody could measure.
+/// The configuration's corrections plus the results, rounded to a measurable precision.
 fn corrections(config: &Config, results: &[SensorResult]) -> Vec<CorrectionConfig> {
     let rounded = |value: f64, steps: f64| (steps * value).round() / steps;
     let sum = |sensor: usize, result: &SensorResult| {

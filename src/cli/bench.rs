@@ -19,30 +19,30 @@ pub(super) struct BenchArgs {
 enum What {
     /// Accuracy, faults, map, consistency and speed over many simulated drives.
     Accuracy(AccuracyArgs),
-    /// The paper's experiment by its method: figures 1-5, processing time, where it holds and where it breaks.
+    /// The paper's experiment with its method: figures 1-5, processing time, where it works and where it fails.
     Paper(PaperArgs),
 }
 
 #[derive(Debug, Args)]
 struct PaperArgs {
-    /// Pictures go into this folder, the page into the file of the same name with .md.
+    /// Folder for the pictures; the page is written to the file of the same name with .md.
     #[arg(long, value_name = "DIR", default_value = "docs/paper")]
     out: PathBuf,
-    /// The simulations' seeds of the table; the figures are always of seed 101.
+    /// Seeds of the table's simulations; the figures always use seed 101.
     #[arg(long, value_name = "FIRST-LAST", default_value = "101-110", value_parser = seeds)]
     seeds: Seeds,
 }
 
 #[derive(Debug, Args)]
 struct AccuracyArgs {
-    /// KEY=VALUE[,VALUE...] of world, beam, faults, sensors, odometry; `all` is every value. Filters the rows of --table; without it,
+    /// KEY=VALUE[,VALUE...] of world, beam, faults, sensors, odometry; `all` is every value. With --table it filters the rows; without,
     /// every combination is a row. A world may be a TOML file.
     #[arg(value_name = "KEY=VALUE")]
     choices: Vec<Choice>,
     /// A set of rows.
     #[arg(long)]
     table: Option<TableArg>,
-    /// The simulations' seeds. Tune on 1-20, report on 101-120.
+    /// Seeds of the simulations. Tune on 1-20, report on 101-120.
     #[arg(long, value_name = "FIRST-LAST", default_value = "101-120", value_parser = seeds)]
     seeds: Seeds,
     /// Length of each drive.
@@ -51,10 +51,10 @@ struct AccuracyArgs {
     /// How heading, position and map are found.
     #[arg(long, value_enum, default_value = "walls")]
     method: MethodArg,
-    /// Write the tables to this Markdown file, too. What follows its line "<!-- by hand -->" stays.
+    /// Also write the tables to this Markdown file. Text after its line "<!-- by hand -->" is kept.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// A line about each drive, on standard error.
+    /// Print a line about each drive on standard error.
     #[arg(long, short)]
     verbose: bool,
 }
@@ -63,9 +63,9 @@ struct AccuracyArgs {
 enum TableArg {
     /// Three worlds under usual conditions.
     Usual,
-    /// What the project's targets speak of.
+    /// The conditions of the project's targets.
     Issue,
-    /// Everything with everything: hours.
+    /// All combinations: takes hours.
     Grid,
 }
 
@@ -77,7 +77,11 @@ fn seeds(text: &str) -> Result<Seeds, String> {
     let seed =
         |text: &str| text.parse().map_err(|_| format!("\"{text}\" is not a seed; give FIRST-LAST such as 101-120"));
     let seeds = seed(first)?..=seed(last)?;
-    if seeds.is_empty() { Err(format!("\"{text}\" holds no seed")) } else { Ok(Seeds(seeds)) }
+    if seeds.is_empty() {
+        Err(format!("\"{text}\" is an empty range; give FIRST-LAST such as 101-120"))
+    } else {
+        Ok(Seeds(seeds))
+    }
 }
 
 impl BenchArgs {
@@ -99,7 +103,7 @@ impl AccuracyArgs {
         let method = Method::from(self.method);
         let mut cases = Case::rows(table, &self.choices);
         for case in &mut cases {
-            (case.seconds, case.method) = (self.seconds.max(SHORTEST_S), method);
+            (case.seconds, case.method) = (self.seconds.max(MIN_SECONDS), method);
         }
         let seeds: Vec<u64> = self.seeds.0.clone().collect();
         let bar = bar(cases.len() * seeds.len());
@@ -137,7 +141,7 @@ impl PaperArgs {
     }
 }
 
-/// Writes a file, and the folders above it where they are lacking.
+/// Writes a file and creates missing folders above it.
 fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     let folder = path.parent().unwrap_or_else(|| Path::new("."));
     std::fs::create_dir_all(folder).and_then(|()| std::fs::write(path, bytes)).map_err(|error| failure(path, &error))
@@ -147,7 +151,7 @@ fn failure(path: &Path, error: &std::io::Error) -> Failure {
     Failure::new(Kind::CantCreate, format!("{}: {error}", path.display()))
 }
 
-/// The command line as it was given, for the head of what it writes.
+/// The command line as given, for the head of the written file.
 fn command() -> String {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     format!("slamd {}", arguments.join(" "))
@@ -158,5 +162,5 @@ fn bar(drives: usize) -> ProgressBar {
     ProgressBar::new(drives as u64).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 
-/// The board needs time to say what it is.
-const SHORTEST_S: f64 = 10.0;
+/// Shortest drive, seconds: the handshake with the board takes some time.
+const MIN_SECONDS: f64 = 10.0;

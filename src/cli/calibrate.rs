@@ -9,15 +9,15 @@ use slamd_capture::CaptureReader;
 use slamd_core::{Config, Method};
 use std::path::PathBuf;
 
-/// Learn a robot's wheels and sensors from a drive.
+/// Calibrate a robot's wheels and sensors from a drive.
 #[derive(Debug, Args)]
 pub(super) struct CalibrateArgs {
     /// A capture (MCAP) of some minutes of driving between walls.
     capture: PathBuf,
-    /// Write the robot's configuration, with what was learnt, to this file.
+    /// Write the robot's configuration with the results to this file.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Begin with this configuration instead of the capture's.
+    /// Start from this configuration instead of the capture's.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
 }
@@ -41,7 +41,7 @@ impl CalibrateArgs {
         });
         bar.finish_and_clear();
         let report = report.map_err(|failure| Failure::new(failure.kind, format!("{name}: {failure}")))?;
-        say(&report);
+        print(&report);
         if let Some(path) = &self.out {
             write_robot(path, &report.config, "slamd calibrate")?;
             terminal::say(format_args!("robot: {}", path.display()));
@@ -56,8 +56,8 @@ impl From<CalibrateError> for Failure {
     }
 }
 
-/// The report as a table.
-fn say(report: &Report) {
+/// Prints the report as a table.
+fn print(report: &Report) {
     let wheels = &report.wheels;
     terminal::say(format_args!("wheel ratio {:.4} ± {:.4}", wheels.wheel_ratio, wheels.wheel_ratio_sigma));
     terminal::say(format_args!("wheel base {:.4} ± {:.4} m", wheels.wheel_base_m, wheels.wheel_base_sigma_m));
@@ -74,14 +74,14 @@ fn say(report: &Report) {
         let rms = |rms_m: f64| if rms_m.is_finite() { format!("{:.2}", 100.0 * rms_m) } else { "-".into() };
         terminal::say(format_args!(
             "{sensor:>6}  {:>13}   {:>18}   {:>25}  {:>5}",
-            words(bias),
-            words(bearing),
+            with_sigma(bias),
+            with_sigma(bearing),
             rms(result.before_m),
             rms(result.after_m)
         ));
     }
     terminal::say(
-        "What the sensors have in common is not observable in a drive and left out: a bias of all, a shift or a turn of the ring.",
+        "Not observable in a drive and left out: a bias that all sensors share, a shift or a rotation of the whole ring.",
     );
     for (count, what) in unknown.into_iter().zip(["range bias", "bearing offset"]).filter(|(count, _)| *count > 0) {
         terminal::say(format_args!("The {what} of {count} sensors is not observable in this drive (?)."));
@@ -95,6 +95,6 @@ fn say(report: &Report) {
     }
 }
 
-fn words(found: Option<Estimated>) -> String {
+fn with_sigma(found: Option<Estimated>) -> String {
     found.map_or_else(|| "?".into(), |found| format!("{:+.2} ± {:.2}", found.value, found.sigma))
 }

@@ -19,19 +19,19 @@ const EXAMPLES: &str = "Examples:
 
 docs/export.md has topics, frames, rates and units. Maps as pictures and for map_server come from `slamd replay`.";
 
-/// Turn a capture into what other programs read: a ROS 2 bag, which Foxglove opens too, or a table of poses.
+/// Export a capture for other programs: as a ROS 2 bag, which Foxglove opens too, or as a table of poses.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES, group(ArgGroup::new("wanted").required(true).multiple(true)))]
 pub(super) struct ExportArgs {
-    /// A capture (MCAP): recorded with --record, simulated or imported. It is run again for this.
+    /// A capture (MCAP): recorded with --record, simulated or imported. The export replays it.
     file: PathBuf,
-    /// Write map, poses, transforms, ranges and diagnostics as a ROS 2 bag (MCAP) to this file.
+    /// Write map, poses, transforms, ranges and diagnostics to this ROS 2 bag (MCAP).
     #[arg(long, value_name = "FILE", group = "wanted")]
     mcap: Option<PathBuf>,
-    /// Write the poses with their variances as a table to this file.
+    /// Write the poses with their variances to this CSV file.
     #[arg(long, value_name = "FILE", group = "wanted")]
     csv: Option<PathBuf>,
-    /// Write the poses in the format of the TUM benchmark to this file.
+    /// Write the poses to this file in the TUM benchmark's format.
     #[arg(long, value_name = "FILE", group = "wanted")]
     tum: Option<PathBuf>,
     #[command(flatten)]
@@ -48,7 +48,7 @@ struct Exports {
 impl ExportArgs {
     pub(super) fn run(self) -> Result<(), Failure> {
         self.check()?;
-        // A session leaves files of its own, which nobody has asked for.
+        // The session's own output files are not wanted here.
         let folder = tempfile::tempdir().map_err(|error| {
             Failure::new(
                 Kind::CantCreate,
@@ -58,7 +58,7 @@ impl ExportArgs {
         let (mut capture, mut session) = open(&self.file, &StateArgs::default(), &self.how, folder.path())?;
         let mut exports = self.begin(&session, capture.info().unix_zero_us)?;
         session.keep_sweeps();
-        let events = listen(&mut session);
+        let events = collect_events(&mut session);
         let bar = terminal::progress(None);
         for record in &mut capture {
             let record = record?;
@@ -79,7 +79,7 @@ impl ExportArgs {
         [&self.mcap, &self.csv, &self.tum].into_iter().filter_map(Option::as_deref)
     }
 
-    /// Neither the capture nor one export takes the place of another.
+    /// Checks that the exports overwrite neither the capture nor each other.
     fn check(&self) -> Result<(), Failure> {
         let same =
             |a: &Path, b: &Path| a == b || a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b));
@@ -98,8 +98,8 @@ impl ExportArgs {
     fn begin(&self, session: &Session, unix_zero_us: Option<u64>) -> Result<Exports, Failure> {
         Ok(Exports {
             bag: self.mcap.as_deref().map(|path| Bag::create(path, session.config(), unix_zero_us)).transpose()?,
-            table: self.csv.as_deref().map(PoseTable::create).transpose().map_err(unwritten)?,
-            trajectory: self.tum.as_deref().map(Trajectory::create).transpose().map_err(unwritten)?,
+            table: self.csv.as_deref().map(PoseTable::create).transpose().map_err(cannot_write)?,
+            trajectory: self.tum.as_deref().map(Trajectory::create).transpose().map_err(cannot_write)?,
         })
     }
 
@@ -109,11 +109,11 @@ impl ExportArgs {
             terminal::say(format_args!("ROS 2 bag: {}, {messages} messages on {topics} topics", path.display()));
         }
         if let Some((path, table)) = self.csv.as_deref().zip(exports.table) {
-            table.finish().map_err(unwritten)?;
+            table.finish().map_err(cannot_write)?;
             terminal::say(format_args!("poses: {}", path.display()));
         }
         if let Some((path, trajectory)) = self.tum.as_deref().zip(exports.trajectory) {
-            trajectory.finish().map_err(unwritten)?;
+            trajectory.finish().map_err(cannot_write)?;
             terminal::say(format_args!("poses: {}", path.display()));
         }
         Ok(())
@@ -121,7 +121,7 @@ impl ExportArgs {
 }
 
 impl Exports {
-    /// Takes what the last input has brought.
+    /// Takes the last input's events and sweeps.
     fn take(&mut self, session: &mut Session, events: &[Event]) -> Result<(), Failure> {
         let sweeps = session.take_sweeps();
         if let Some(bag) = &mut self.bag {
@@ -140,19 +140,19 @@ impl Exports {
     }
 }
 
-/// The events of a session, as they come.
-fn listen(session: &mut Session) -> Rc<RefCell<Vec<Event>>> {
+/// Collects the events of a session.
+fn collect_events(session: &mut Session) -> Rc<RefCell<Vec<Event>>> {
     let events = Rc::new(RefCell::new(Vec::new()));
-    let heard = Rc::clone(&events);
-    session.watch(Box::new(move |_, sight| {
-        if let Update::Event(event) = sight {
-            heard.borrow_mut().push(event.clone());
+    let collected = Rc::clone(&events);
+    session.watch(Box::new(move |_, update| {
+        if let Update::Event(event) = update {
+            collected.borrow_mut().push(event.clone());
         }
     }));
     events
 }
 
-fn unwritten(error: impl Into<BagError>) -> Failure {
+fn cannot_write(error: impl Into<BagError>) -> Failure {
     error.into().into()
 }
 

@@ -1,4 +1,4 @@
-//! Why a command failed, and the exit code that says so (sysexits.h).
+//! Why a command failed, with an exit code from sysexits.h.
 
 use crate::daemon::DaemonError;
 use crate::source::replay::ReplayError;
@@ -11,7 +11,7 @@ use slamd_publish::WriteError;
 pub enum Kind {
     /// The command line is wrong.
     Usage = 64,
-    /// A file holds something else than it should.
+    /// A file has the wrong content.
     Data = 65,
     /// A file cannot be read.
     NoInput = 66,
@@ -29,13 +29,13 @@ pub enum Kind {
 #[derive(Debug, thiserror::Error)]
 #[error("{text}")]
 pub struct Failure {
-    /// Its kind.
+    /// The kind, which is the exit code.
     pub kind: Kind,
     text: String,
 }
 
 impl Failure {
-    /// A failure of a kind, in words.
+    /// A failure with its message.
     pub fn new(kind: Kind, text: impl Into<String>) -> Self {
         Self { kind, text: text.into() }
     }
@@ -59,7 +59,7 @@ impl From<CaptureError> for Failure {
                 Self::new(Kind::NoInput, format!("{error}; name an existing capture"))
             }
             CaptureError::Io { .. } => Self::new(Kind::Io, error.to_string()),
-            _ => Self::new(Kind::Data, format!("{error}; it is no capture that slamd can read")),
+            _ => Self::new(Kind::Data, format!("{error}; slamd cannot read this capture")),
         }
     }
 }

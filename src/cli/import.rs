@@ -25,7 +25,7 @@ enum Format {
 
 #[derive(Debug, Args)]
 struct Recording {
-    /// The recording; `-` reads the standard input
+    /// The recording; `-` reads standard input
     recording: PathBuf,
     /// The robot's configuration, with its ring and `robot.ticks_per_turn`
     #[arg(long, value_name = "ROBOT.toml")]
@@ -36,7 +36,7 @@ struct Recording {
 }
 
 impl ImportArgs {
-    /// Imports, and says what was found on the standard error.
+    /// Imports the recording and prints a summary on standard error.
     ///
     /// # Errors
     /// When the recording or the configuration cannot be used or the capture cannot be written.

@@ -1,10 +1,10 @@
-//! `slamd inspect`: says what is in a capture.
+//! `slamd inspect`: describes a capture.
 
 use super::{Failure, Kind, terminal};
 use clap::Args;
 use std::path::PathBuf;
 
-/// Say what is in a capture: frames, losses, gaps, sensors, wheels, damage.
+/// Describe a capture: frames, losses, gaps, sensors, wheels, damage.
 #[derive(Debug, Args)]
 pub(super) struct InspectArgs {
     /// The capture

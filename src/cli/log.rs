@@ -1,4 +1,4 @@
-//! What is logged, and as what.
+//! The log: its format and its filter.
 
 use super::{Failure, terminal};
 use std::io::IsTerminal as _;
@@ -7,7 +7,7 @@ use tracing_subscriber::filter::Targets;
 use tracing_subscriber::layer::SubscriberExt as _;
 use tracing_subscriber::util::SubscriberInitExt as _;
 
-/// How a line of the log looks.
+/// Format of the log's lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub(super) enum Format {
     /// For people.
@@ -16,7 +16,7 @@ pub(super) enum Format {
     Json,
 }
 
-/// Begins to log to standard error.
+/// Starts the log on standard error.
 pub(super) fn begin(format: Format) {
     let text = (format == Format::Text).then(|| {
         let is_terminal = std::io::stderr().is_terminal();
@@ -24,39 +24,39 @@ pub(super) fn begin(format: Format) {
     });
     let json = (format == Format::Json)
         .then(|| tracing_subscriber::fmt::layer().json().flatten_event(true).with_writer(std::io::stderr));
-    let (filter, complaint) = filter();
+    let (filter, warning) = filter();
     tracing_subscriber::registry().with(filter).with(text).with(json).with(for_viewers()).init();
-    complaint.into_iter().for_each(|complaint| tracing::warn!("{complaint}"));
+    warning.into_iter().for_each(|warning| tracing::warn!("{warning}"));
     if format == Format::Json {
-        std::panic::set_hook(Box::new(|panic| tracing::error!(target: LAST_WORDS, "{panic}")));
+        std::panic::set_hook(Box::new(|panic| tracing::error!(target: END_TARGET, "{panic}")));
     }
 }
 
-/// Says why the program ends.
+/// Logs why the program ends.
 pub(super) fn end(format: Format, failure: &Failure) {
     match format {
         Format::Text => eprintln!("slamd: {}", terminal::plain(failure)),
-        Format::Json => tracing::error!(target: LAST_WORDS, exit_code = failure.kind as u8, "{failure}"),
+        Format::Json => tracing::error!(target: END_TARGET, exit_code = failure.kind as u8, "{failure}"),
     }
 }
 
-/// What is logged: as `RUST_LOG` says, by level and module, such as `warn` or `info,slamd::recorder=debug`, and why the program ends in any case;
-/// and what is to be said of a `RUST_LOG` that says nothing.
+/// The filter from `RUST_LOG`, by level and module, such as `warn` or `info,slamd::recorder=debug`; the reason why the program ends is always
+/// logged. Also a warning about an invalid `RUST_LOG`.
 pub(super) fn filter() -> (Targets, Option<String>) {
-    let asked = std::env::var("RUST_LOG").ok().filter(|asked| !asked.trim().is_empty());
-    let (filter, complaint) = match asked.as_deref().map(|asked| (asked, asked.parse::<Targets>())) {
+    let setting = std::env::var("RUST_LOG").ok().filter(|setting| !setting.trim().is_empty());
+    let (filter, warning) = match setting.as_deref().map(|setting| (setting, setting.parse::<Targets>())) {
         Some((_, Ok(filter))) => (Some(filter), None),
-        Some((asked, Err(error))) => (None, Some(format!("RUST_LOG={asked}: {error}; info is logged"))),
+        Some((setting, Err(error))) => (None, Some(format!("RUST_LOG={setting}: {error}; logging at level info"))),
         None => (None, None),
     };
-    // Rerun's modules are named re_something.
+    // The names of Rerun's modules begin with re_.
     let usual = || Targets::new().with_default(Level::INFO).with_target("re_", Level::ERROR);
-    (filter.unwrap_or_else(usual).with_target(LAST_WORDS, Level::ERROR), complaint)
+    (filter.unwrap_or_else(usual).with_target(END_TARGET, Level::ERROR), warning)
 }
 
-const LAST_WORDS: &str = "slamd_end";
+const END_TARGET: &str = "slamd_end";
 
-/// What takes the log to the viewers, if this build has any.
+/// The layer that sends the log to the viewers, if this build has them.
 #[cfg(feature = "viewer")]
 pub(super) const fn for_viewers() -> slamd_viewer::LogLayer {
     slamd_viewer::LogLayer

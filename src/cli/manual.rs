@@ -1,4 +1,4 @@
-//! `slamd completions` and `slamd man`: what a package of slamd installs beside the program.
+//! `slamd completions` and `slamd man`: files that a package of slamd installs.
 
 use super::{Failure, Kind, terminal};
 use clap::{Args, Command};
@@ -11,7 +11,7 @@ const COMPLETIONS: &str = "Examples:
   slamd completions zsh > /usr/share/zsh/vendor-completions/_slamd
   slamd completions fish > ~/.config/fish/completions/slamd.fish";
 
-/// Print what completes slamd's commands and options in a shell.
+/// Print a shell's completion script for slamd.
 #[derive(Debug, Args)]
 #[command(after_help = COMPLETIONS)]
 pub(super) struct CompletionsArgs {
@@ -20,11 +20,11 @@ pub(super) struct CompletionsArgs {
 }
 
 impl CompletionsArgs {
-    /// `program` is the whole command line of slamd.
+    /// Prints the script; `program` is slamd's complete command line.
     pub(super) fn run(self, mut program: Command) {
         let mut script = Vec::new();
         clap_complete::generate(self.shell, &mut program, "slamd", &mut script);
-        // One that nobody reads any more is no failure.
+        // A closed pipe is no failure.
         let _ = std::io::stdout().write_all(&script);
     }
 }
@@ -37,13 +37,13 @@ const MAN: &str = "Examples:
 #[derive(Debug, Args)]
 #[command(after_help = MAN)]
 pub(super) struct ManArgs {
-    /// Their folder, made where there is none.
+    /// Folder for the pages, created if missing.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }
 
 impl ManArgs {
-    /// `program` is the whole command line of slamd.
+    /// Writes the pages; `program` is slamd's complete command line.
     pub(super) fn run(self, program: Command) -> Result<(), Failure> {
         let written = std::fs::create_dir_all(&self.out).and_then(|()| clap_mangen::generate_to(program, &self.out));
         let name = self.out.display();

@@ -35,17 +35,17 @@ use std::process::ExitCode;
 
 const EXAMPLES: &str = "Examples:
   slamd --port /dev/ttyUSB0                       map with a robot
-  slamd replay replay/flat-paper-faults.mcap      no robot needed: leaves a map in slamd-out/
-  slamd replay recordings/ --out maps             every capture of a folder, on all cores, and a table
+  slamd replay replay/flat-paper-faults.mcap      no robot needed; writes a map to slamd-out/
+  slamd replay recordings/ --out maps             all captures of a folder, on all cores, with a table
   slamd export drive.mcap --mcap bag.mcap         for ROS 2 and Foxglove
   slamd simulate --world flat --seed 1 --duration 120 --faults paper --capture drive.mcap
   slamd simulate --world office --pty robot & slamd --port robot --record drive.mcap";
 
-/// Maps a home with a ring of ultrasonic sensors and two wheel encoders.
+/// Maps a building with a robot that has a ring of ultrasonic sensors and two wheel encoders.
 #[derive(Debug, Parser)]
 #[command(version, about, after_help = EXAMPLES, override_usage = "slamd --port <DEV> [OPTIONS]\n       slamd <COMMAND>")]
 struct Cli {
-    /// How the log on standard error looks: text for people, or a JSON object on each line. RUST_LOG says what is logged (docs/cli.md).
+    /// Format of the log on standard error: text, or one JSON object per line. RUST_LOG filters the log (docs/cli.md).
     #[arg(long, global = true, value_enum, value_name = "FORMAT", default_value = "text", env = "SLAMD_LOG_FORMAT")]
     log_format: log::Format,
     #[command(subcommand)]
@@ -54,24 +54,24 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Map with a robot on a serial port (the same as without a command).
+    /// Map with a robot on a serial port (the default command).
     Run(run::RunArgs),
     Monitor(monitor::MonitorArgs),
-    /// Run a recorded or simulated session again, as fast as it goes, or all those of a folder at once.
+    /// Replay a recorded or simulated session as fast as possible, or all captures of a folder.
     Replay(replay::ReplayArgs),
-    /// Drive a simulated robot, into a capture or on a pseudo-terminal.
+    /// Simulate a robot: write a capture or serve a pseudo-terminal.
     Simulate(Box<simulate::SimulateArgs>),
-    /// Turn a recording of another robot into a capture.
+    /// Convert a recording of another robot to a capture.
     Import(import::ImportArgs),
     Calibrate(calibrate::CalibrateArgs),
     Export(export::ExportArgs),
-    /// Tell what is in a capture: messages, rates, gaps, faults.
+    /// Describe a capture: messages, rates, gaps, faults.
     Inspect(inspect::InspectArgs),
-    /// List the serial ports and who holds them.
+    /// List the serial ports and the programs that hold them.
     Ports(ports::PortsArgs),
     Doctor(doctor::DoctorArgs),
     Config(config::ConfigCommand),
-    /// Evaluate: tables and pictures over simulated drives.
+    /// Evaluate with simulated drives: tables and pictures.
     Bench(bench::BenchArgs),
     #[cfg(feature = "manual")]
     Completions(manual::CompletionsArgs),
@@ -79,7 +79,7 @@ enum Command {
     Man(manual::ManArgs),
 }
 
-/// Where results go and how they are made; the same for a robot and for a replay.
+/// Options of the output and the estimator, for a robot and for a replay.
 #[derive(Debug, Args)]
 pub(crate) struct OutputArgs {
     /// Folder for map, picture, trajectory, faults and summary.
@@ -87,7 +87,7 @@ pub(crate) struct OutputArgs {
     out: PathBuf,
     #[command(flatten)]
     how: HowArgs,
-    /// Print the summary as JSON instead of words.
+    /// Print the summary as JSON instead of text.
     #[arg(long)]
     json: bool,
 }
@@ -97,9 +97,9 @@ pub(crate) struct OutputArgs {
 pub fn main() -> ExitCode {
     let cli = match command().try_get_matches_from(arguments()).and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
-        Err(error) => return misunderstood(&error),
+        Err(error) => return usage_error(&error),
     };
-    // The monitor has the screen for itself, and its log in a part of it.
+    // The monitor uses the whole screen and shows the log in a part of it.
     let is_monitor = matches!(cli.command, Command::Monitor(_));
     let format = if is_monitor { log::Format::Text } else { cli.log_format };
     if !is_monitor {
@@ -140,57 +140,57 @@ impl Command {
     }
 }
 
-/// The command line. Variables stand for options of `run` alone: with them the other commands would conflict with what nobody has typed.
+/// The command line. Variables set options of `run` only: in other commands they could conflict with options that the user gave.
 fn command() -> clap::Command {
     Cli::command().mut_subcommand("run", |run| {
         config::OPTIONS.iter().fold(run, |run, (option, variable)| run.mut_arg(option, |arg| arg.env(variable)))
     })
 }
 
-/// Says why the arguments cannot be understood, or what was asked for: help, the version.
-fn misunderstood(error: &clap::Error) -> ExitCode {
+/// Prints why the arguments are invalid, or the requested help or version.
+fn usage_error(error: &clap::Error) -> ExitCode {
     let _ = error.print();
     if !error.use_stderr() {
         return ExitCode::SUCCESS;
     }
-    // An option may be missing because its variable is misspelt.
-    config::unknown().iter().for_each(|words| eprintln!("slamd: {}", terminal::plain(words)));
+    // A required option may be missing because its variable is misspelt.
+    config::unknown().iter().for_each(|text| eprintln!("slamd: {}", terminal::plain(text)));
     ExitCode::from(Kind::Usage as u8)
 }
 
-/// A length of time.
+/// Parses a duration in seconds.
 fn seconds(text: &str) -> Result<f64, String> {
     let seconds = text.parse::<f64>().ok().filter(|seconds| (0.0..=1e7).contains(seconds));
     seconds.ok_or_else(|| "it must be seconds from 0 to 10,000,000".into())
 }
 
-/// A standard deviation.
+/// Parses a standard deviation.
 fn spread(text: &str) -> Result<f64, String> {
     let spread = text.parse::<f64>().ok().filter(|spread| (0.0..=30.0).contains(spread));
     spread.ok_or_else(|| "it must be from 0 to 30".into())
 }
 
-/// A probability.
+/// Parses a probability.
 fn probability(text: &str) -> Result<f64, String> {
     let probability = text.parse::<f64>().ok().filter(|probability| (0.0..=1.0).contains(probability));
     probability.ok_or_else(|| "it must be from 0 to 1".into())
 }
 
-/// The process's arguments; options without a command are those of `run`.
+/// The process's arguments; options without a command belong to `run`.
 fn arguments() -> Vec<OsString> {
     with_command(std::env::args_os().collect())
 }
 
 fn with_command(mut arguments: Vec<OsString>) -> Vec<OsString> {
-    let word = |place: usize| arguments.get(place).and_then(|word| word.to_str()).unwrap_or_default();
-    // An option of all commands may stand before any.
-    let place = match word(1) {
+    let word = |index: usize| arguments.get(index).and_then(|word| word.to_str()).unwrap_or_default();
+    // A global option may precede the command.
+    let index = match word(1) {
         "--log-format" => 3,
         first if first.starts_with("--log-format=") => 2,
         _ => 1,
     };
-    if word(place).starts_with('-') && !["-h", "--help", "-V", "--version"].contains(&word(place)) {
-        arguments.insert(place, "run".into());
+    if word(index).starts_with('-') && !["-h", "--help", "-V", "--version"].contains(&word(index)) {
+        arguments.insert(index, "run".into());
     }
     arguments
 }
@@ -200,15 +200,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_command_line_is_sound() {
+    fn the_command_line_is_consistent() {
         command().debug_assert();
     }
 
     #[test]
     fn options_without_a_command_are_those_of_run() {
         let with_command = |line: &str| {
-            let words = with_command(line.split(' ').map(OsString::from).collect());
-            words.iter().map(|word| word.to_string_lossy()).collect::<Vec<_>>().join(" ")
+            let arguments = with_command(line.split(' ').map(OsString::from).collect());
+            arguments.iter().map(|word| word.to_string_lossy()).collect::<Vec<_>>().join(" ")
         };
         assert_eq!(with_command("slamd --port auto"), "slamd run --port auto");
         assert_eq!(with_command("slamd --log-format json --port auto"), "slamd --log-format json run --port auto");

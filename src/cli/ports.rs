@@ -1,4 +1,4 @@
-//! `slamd ports`: the serial ports there are, who holds them, whether this user may open them.
+//! `slamd ports`: lists the serial ports and the programs that hold them.
 
 use super::{Failure, Kind, terminal};
 use crate::port::{self, Holder, PortInfo, UsbId};
@@ -9,7 +9,7 @@ const EXAMPLES: &str = "Examples:
   slamd ports
   slamd ports --json | jq -r '.[].path'";
 
-/// List the serial ports, who holds them, and the name to give to --port.
+/// List the serial ports, the programs that hold them, and the name for --port.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct PortsArgs {
@@ -18,37 +18,37 @@ pub(super) struct PortsArgs {
     json: bool,
 }
 
-/// A port as this command tells it.
+/// A port in the list.
 #[derive(Serialize)]
-struct Line {
+struct Entry {
     #[serde(flatten)]
     port: PortInfo,
-    /// What to give to `--port`.
+    /// The name for `--port`.
     name: String,
     holders: Vec<Holder>,
 }
 
 impl PortsArgs {
     pub(super) fn run(self) -> Result<(), Failure> {
-        let lines: Vec<Line> = port::list().into_iter().map(Line::new).collect();
+        let entries: Vec<Entry> = port::list().into_iter().map(Entry::new).collect();
         if self.json {
-            let json = serde_json::to_string_pretty(&lines);
+            let json = serde_json::to_string_pretty(&entries);
             terminal::say(json.map_err(|error| Failure::new(Kind::Data, error.to_string()))?);
             return Ok(());
         }
-        for line in &lines {
-            terminal::say(line);
+        for entry in &entries {
+            terminal::say(entry);
         }
-        if lines.is_empty() {
+        if entries.is_empty() {
             terminal::say(
-                "No serial port. Plug the board in with a cable that carries data; `slamd simulate --pty robot` plays one.",
+                "No serial port. Plug the board in with a cable that carries data, or simulate one with `slamd simulate --pty robot`.",
             );
         }
         Ok(())
     }
 }
 
-impl Line {
+impl Entry {
     fn new(port: PortInfo) -> Self {
         let name = match (&port.by_id, &port.usb) {
             (Some(by_id), _) => by_id.display().to_string(),
@@ -59,9 +59,9 @@ impl Line {
     }
 }
 
-impl std::fmt::Display for Line {
+impl std::fmt::Display for Entry {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let what = self.port.usb.as_ref().map_or_else(|| "of this machine, not on USB".into(), words);
+        let what = self.port.usb.as_ref().map_or_else(|| "built in, not on USB".into(), usb_name);
         write!(f, "{}  {what}", self.port.path.display())?;
         if !self.holders.is_empty() {
             let holders: Vec<String> = self.holders.iter().map(Holder::to_string).collect();
@@ -71,8 +71,8 @@ impl std::fmt::Display for Line {
     }
 }
 
-fn words(usb: &UsbId) -> String {
-    let words = [&usb.manufacturer, &usb.product].into_iter().flatten().map(String::as_str);
-    let words = words.collect::<Vec<_>>().join(" ");
-    if words.is_empty() { format!("{:04x}:{:04x}", usb.vid, usb.pid) } else { words }
+fn usb_name(usb: &UsbId) -> String {
+    let names = [&usb.manufacturer, &usb.product].into_iter().flatten().map(String::as_str);
+    let name = names.collect::<Vec<_>>().join(" ");
+    if name.is_empty() { format!("{:04x}:{:04x}", usb.vid, usb.pid) } else { name }
 }

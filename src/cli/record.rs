@@ -1,4 +1,4 @@
-//! `--record` and what goes with it.
+//! `--record` and its options.
 
 use super::{Failure, Kind};
 use crate::recorder::{Folder, Plan, Recorder};
@@ -9,19 +9,19 @@ use std::time::Duration;
 
 #[derive(Debug, Args)]
 pub(super) struct RecordArgs {
-    /// Record everything that is read and written to this capture; in a folder (DIR/) a new capture is begun every hour.
+    /// Record all traffic of the port to this capture; in a folder (DIR/) a new capture begins every hour.
     #[arg(long, value_name = "FILE|DIR/")]
     record: Option<PathBuf>,
-    /// Begin another capture after so many minutes.
+    /// Begin a new capture after this many minutes.
     #[arg(long, value_name = "MINUTES", requires = "record", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     record_minutes: Option<u32>,
-    /// Begin another capture at so many MiB.
+    /// Begin a new capture at this size.
     #[arg(long, value_name = "MIB", requires = "record", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     record_mib: Option<u32>,
-    /// Keep only so many captures of this recording: the oldest is deleted. Without it, none is.
+    /// Keep only this many captures of the recording and delete older ones. The default keeps all.
     #[arg(long, value_name = "N", requires = "record", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     record_keep: Option<u32>,
-    /// Record nothing while less is free on the disk.
+    /// Pause the recording while less is free on the disk.
     #[arg(long, value_name = "MIB", requires = "record", default_value_t = 100)]
     record_free_mib: u32,
 }
@@ -30,7 +30,7 @@ const MIB: u64 = 1 << 20;
 const HOUR: u32 = 60;
 
 impl RecordArgs {
-    /// Begins the recording, if one is wanted.
+    /// Begins the recording; none without --record.
     pub(super) fn begin(&self, info: CaptureInfo) -> Result<Option<Recorder>, Failure> {
         let Some(path) = &self.record else { return Ok(None) };
         let is_folder = path.is_dir() || path.as_os_str().as_encoded_bytes().ends_with(b"/");
@@ -42,7 +42,7 @@ impl RecordArgs {
             keep_free_bytes: u64::from(self.record_free_mib) * MIB,
         };
         let folder = if is_folder {
-            // Names in the order of their beginnings.
+            // The names sort by start time.
             let name = format!("slamd-{:010}", info.unix_zero_us.unwrap_or_default() / 1_000_000);
             Folder::numbered(path, &name).map_err(|error| {
                 Failure::new(

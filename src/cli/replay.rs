@@ -12,13 +12,13 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
 pub(super) struct ReplayArgs {
-    /// A capture (MCAP): recorded with --record, simulated or imported; or a folder of captures, each replayed into a folder of --out.
+    /// A capture (MCAP): recorded with --record, simulated or imported; or a folder of captures, each replayed into its own folder in --out.
     file: PathBuf,
-    /// Captures of a folder replayed at once [default: one per core].
+    /// Number of captures of a folder to replay at once [default: one per core].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
     #[command(flatten)]
-    kept: StateArgs,
+    state: StateArgs,
     #[cfg(feature = "viewer")]
     #[command(flatten)]
     viewer: super::viewer::ReplayViewerArgs,
@@ -31,7 +31,7 @@ impl ReplayArgs {
         if self.file.is_dir() {
             return self.run_folder();
         }
-        let (mut capture, mut session) = open(&self.file, &self.kept, &self.output.how, &self.output.out)?;
+        let (mut capture, mut session) = open(&self.file, &self.state, &self.output.how, &self.output.out)?;
         #[cfg(feature = "viewer")]
         let watched = {
             let name = self.file.file_stem().unwrap_or_default().to_string_lossy();
@@ -45,7 +45,7 @@ impl ReplayArgs {
         if let Some(damage) = capture.damage() {
             tracing::warn!("{}: {damage}; what was readable has been used", self.file.display());
         }
-        let saved = self.kept.save(self.kept.saver(), &session);
+        let saved = self.state.save(self.state.saver(), &session);
         let (summary, faulty) = session.finish()?;
         terminal::report(&summary, &faulty, &self.output.out, self.output.json);
         #[cfg(feature = "viewer")]
@@ -58,9 +58,9 @@ impl ReplayArgs {
         let is_watched = self.viewer.is_any();
         #[cfg(not(feature = "viewer"))]
         let is_watched = false;
-        if self.kept.is_any() || is_watched {
+        if self.state.is_any() || is_watched {
             let text = format!(
-                "{} is a folder: --resume, --localize, --save-session, --session, --save-calibration and --viewer are for one capture",
+                "{} is a folder: --resume, --localize, --save-session, --session, --save-calibration and --viewer need a single capture",
                 self.file.display()
             );
             return Err(Failure::new(Kind::Usage, text));
@@ -69,18 +69,18 @@ impl ReplayArgs {
     }
 }
 
-/// A capture and the session that it is fed to, which writes into `folder`.
+/// Opens a capture, and a session for it that writes into `folder`.
 pub(super) fn open(
     file: &Path,
-    kept: &StateArgs,
+    state: &StateArgs,
     how: &HowArgs,
     folder: &Path,
 ) -> Result<(CaptureReader, Session), Failure> {
     let capture = CaptureReader::open(file)?;
     let info = capture.info().clone();
-    let mut session = kept.begin(how.of_recording(&info, file)?, folder)?;
-    if let Some(words) = &info.faults {
-        let faults: Result<Vec<TrueFault>, _> = words.iter().map(|word| word.parse()).collect();
+    let mut session = state.begin(how.of_recording(&info, file)?, folder)?;
+    if let Some(texts) = &info.faults {
+        let faults: Result<Vec<TrueFault>, _> = texts.iter().map(|text| text.parse()).collect();
         let faults = faults.map_err(|error| Failure::new(Kind::Data, format!("{}: {error}", file.display())))?;
         session.true_faults(faults);
     }

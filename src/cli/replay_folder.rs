@@ -1,4 +1,4 @@
-//! `slamd replay DIR`: every capture of a folder, on all cores, each into a folder of its own.
+//! `slamd replay DIR`: replays all captures of a folder on all cores, each into its own folder.
 
 use super::replay::open;
 use super::terminal::{progress_over, say};
@@ -11,7 +11,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use tracing::subscriber::{NoSubscriber, with_default};
 
-/// One capture, replayed.
+/// The result of one capture.
 struct Row {
     duration_s: f64,
     elapsed: Duration,
@@ -22,10 +22,10 @@ struct Row {
 
 type Outcome = Result<Row, Failure>;
 
-/// Replays all captures of `folder` (`*.mcap`, not those of folders in it), `jobs` at a time.
+/// Replays all captures of `folder` (`*.mcap`, without subfolders), `jobs` at a time.
 ///
 /// # Errors
-/// Where there is none, and, at the end, where any failed: it does not stop the others.
+/// When there is no capture or when one failed; a failure does not stop the others.
 pub(super) fn replay_folder(folder: &Path, jobs: Option<usize>, output: &OutputArgs) -> Result<(), Failure> {
     let captures = captures(folder)?;
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
@@ -38,7 +38,7 @@ pub(super) fn replay_folder(folder: &Path, jobs: Option<usize>, output: &OutputA
     } else {
         say(HEAD);
         named().for_each(|(name, outcome)| say(line(&name, outcome)));
-        say(format_args!("\nmaps and all else: {}", output.out.join("NAME").display()));
+        say(format_args!("\noutput folders: {}", output.out.join("NAME").display()));
     }
     for (name, damage) in named().filter_map(|(name, outcome)| Some((name, outcome.as_ref().ok()?.damage.as_ref()?))) {
         tracing::warn!("{name}: {damage}; what was readable has been used");
@@ -77,11 +77,11 @@ fn run_all(captures: &[PathBuf], jobs: usize, output: &OutputArgs) -> Vec<Outcom
         for _ in 0..jobs.clamp(1, captures.len()) {
             scope.spawn(|| {
                 while let Some((capture, outcome)) = {
-                    let place = next.fetch_add(1, Ordering::Relaxed);
-                    captures.get(place).zip(outcomes.get(place))
+                    let index = next.fetch_add(1, Ordering::Relaxed);
+                    captures.get(index).zip(outcomes.get(index))
                 } {
                     bar.set_message(name(capture));
-                    // What many captures say at once nobody can read; each output folder has its faults and locks.
+                    // No log here: the lines of several captures would be mixed. Each output folder lists its faults and localization events.
                     let done = with_default(NoSubscriber::default(), || run(capture, output));
                     *outcome.lock().unwrap_or_else(PoisonError::into_inner) = Some(done);
                     bar.inc(1);
@@ -106,7 +106,7 @@ fn run(file: &Path, output: &OutputArgs) -> Outcome {
     Ok(Row { duration_s, elapsed: begin.elapsed(), summary, faulty: faulty.len(), damage })
 }
 
-/// The capture's name, and that of its output folder.
+/// The name of the capture and of its output folder.
 fn name(capture: &Path) -> String {
     capture.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }

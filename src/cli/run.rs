@@ -17,27 +17,27 @@ use std::time::Duration;
 use tokio::runtime::Runtime;
 
 const EXAMPLES: &str = "Examples:
-  slamd --port auto --record drive.mcap             map, and keep what was read and written
+  slamd --port auto --record drive.mcap             map and record all traffic
   slamd --port auto --listen & examples/watch.py    poses for another program (docs/api.md)
   slamd --port auto --metrics                       http://127.0.0.1:9879/metrics for Prometheus, /healthz for a watchdog
-  slamd --port auto --listen 0.0.0.0:9878 --token-file token     for other machines, who must know the token";
+  slamd --port auto --listen 0.0.0.0:9878 --token-file token     for other machines, which must send the token";
 
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct RunArgs {
-    /// The board's serial port: a device, usb:VID:PID[:SERIAL], or auto for the only board there is; `slamd ports` lists them.
+    /// The board's serial port: a device, usb:VID:PID[:SERIAL], or auto for the only one; `slamd ports` lists them.
     #[arg(long, value_name = "PORT")]
     port: PortName,
     #[command(flatten)]
     live: LiveArgs,
-    /// Stop after this long; without it, Ctrl-C stops.
+    /// Stop after this time; the default runs until Ctrl-C.
     #[arg(long, value_name = "SECONDS", value_parser = super::seconds)]
     duration: Option<f64>,
     #[command(flatten)]
     output: OutputArgs,
 }
 
-/// How a robot is listened to.
+/// Options of a live session.
 #[derive(Debug, Args)]
 pub(super) struct LiveArgs {
     /// Bits per second.
@@ -45,14 +45,14 @@ pub(super) struct LiveArgs {
     baud: u32,
     #[command(flatten)]
     record: super::record::RecordArgs,
-    /// Stop when the port hangs up, instead of waiting for its return.
+    /// Stop when the port hangs up instead of waiting for its return.
     #[arg(long)]
     exit_on_hangup: bool,
-    /// Let the pipeline go before all other programs (SCHED_FIFO), where that is permitted.
+    /// Run the pipeline with real-time priority (SCHED_FIFO), if that is permitted.
     #[arg(long)]
     realtime: bool,
     #[command(flatten)]
-    pub(super) kept: StateArgs,
+    pub(super) state: StateArgs,
     #[command(flatten)]
     api: super::api::ApiArgs,
     #[cfg(feature = "mqtt")]
@@ -80,32 +80,32 @@ pub(super) struct End {
     faulty: Vec<FaultEvent>,
     /// What the recording lacks.
     lacking: Losses,
-    /// What the next session begins with.
+    /// Whether the state for the next session was saved.
     saved: Result<(), Failure>,
 }
 
 impl End {
-    /// The summary on standard output, and what went wrong.
+    /// Prints the summary on standard output and logs failures.
     pub(super) fn report(self, output: &OutputArgs) -> Result<(), Failure> {
         terminal::report(&self.summary, &self.faulty, &output.out, output.json);
         if self.lacking.chunks > 0 {
             tracing::error!("{} chunks are missing from the recording", self.lacking.chunks);
         }
         if let Some(cause) = &self.lacking.unfinished {
-            tracing::error!("the recording was not closed: {cause}; slamd reads what is there");
+            tracing::error!("the recording was not closed: {cause}; slamd can still read it");
         }
         self.saved
     }
 }
 
 impl LiveArgs {
-    /// Watched on the terminal, the session is not shown in a viewer unless asked for.
+    /// Shows no viewer unless the user asked for one: the monitor already shows the session.
     pub(super) fn off_by_default(&mut self) {
         #[cfg(feature = "viewer")]
         self.viewer.off_by_default();
     }
 
-    /// Runs a live session to its end. None where that came before the port was there.
+    /// Runs a live session to its end; none if it ended before the port was found.
     pub(super) fn drive(
         &self,
         port: &PortName,
@@ -117,26 +117,26 @@ impl LiveArgs {
         let options = Options { port, baud: self.baud, exit_on_hangup: self.exit_on_hangup };
         let server = self.api.begin()?;
         let mut taps: Vec<Tap> = server.iter().map(|server| server.tap(&config.robot.name)).collect();
-        // Ends with this function, when the map has been written.
+        // Lives until the map has been written.
         #[cfg(feature = "mqtt")]
-        let post = self.mqtt.begin(&config.robot.name)?;
+        let mqtt = self.mqtt.begin(&config.robot.name)?;
         #[cfg(feature = "mqtt")]
-        taps.extend(post.iter().map(|post| post.tap(&config.robot.name)));
+        taps.extend(mqtt.iter().map(|mqtt| mqtt.tap(&config.robot.name)));
         let mut service = Service::begin();
         let mut link = Link::new(self.baud);
-        // Nothing is created, and no older recording overwritten, before the board's port is open.
+        // Creates no file and overwrites no recording before the port is open.
         let mut look = |link: &Link| {
             taps.iter_mut().for_each(|tap| tap.look(link, None));
             service.iter_mut().for_each(|service| service.look(link, None));
             observe(link, None);
         };
         let port = runtime.block_on(daemon::search(options, &mut link, Timestamp::default, shutdown, &mut look));
-        let Some(port) = port.map_err(|trouble| Failure::new(Kind::Unavailable, trouble.to_string()))? else {
+        let Some(port) = port.map_err(|error| Failure::new(Kind::Unavailable, error.to_string()))? else {
             service.iter().for_each(Service::stopping);
             return Ok(None);
         };
-        let mut session = self.kept.begin(config.clone(), &output.out)?;
-        let mut saver = self.kept.saver();
+        let mut session = self.state.begin(config.clone(), &output.out)?;
+        let mut saver = self.state.saver();
         let (clock, info) = begin(&config);
         taps.iter_mut().for_each(|tap| tap.begin(info.unix_zero_us));
         let mut recorder = self.record.begin(info.clone())?;
@@ -144,11 +144,11 @@ impl LiveArgs {
         let watched = self.viewer.begin(&config.robot.name, info.unix_zero_us)?;
         #[cfg(feature = "viewer")]
         watched.watch(&mut session);
-        // Recorder and viewers have their threads by now, and keep their priority.
+        // The threads of recorder and viewers exist already and keep their normal priority.
         if self.realtime
-            && let Err(trouble) = priority::real_time()
+            && let Err(error) = priority::real_time()
         {
-            tracing::warn!("{trouble}");
+            tracing::warn!("{error}");
         }
         let live = Live { clock, session: &mut session, recorder: &mut recorder, saver: &mut saver };
         let mut look = |link: &Link, session: Option<&Session>| {
@@ -161,8 +161,8 @@ impl LiveArgs {
         service.iter().for_each(Service::stopping);
         session.end();
         drop(server);
-        // Whatever went wrong, the map is kept.
-        let saved = self.kept.save(saver, &session);
+        // A failed save does not keep the map from being written.
+        let saved = self.state.save(saver, &session);
         let lacking = recorder.map(Recorder::finish).unwrap_or_default();
         let (summary, faulty) = session.finish()?;
         #[cfg(feature = "viewer")]
@@ -171,14 +171,14 @@ impl LiveArgs {
     }
 }
 
-/// One thread for port, clock and signals.
+/// A single-threaded runtime for port, timers and signals.
 pub(super) fn runtime() -> Result<Runtime, Failure> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     runtime.map_err(|error| Failure::new(Kind::Unavailable, format!("tokio: {error}")))
 }
 
-/// The session's time zero, and what its recording says of itself.
-#[expect(clippy::disallowed_methods, reason = "anchors the session's time in the calendar")]
+/// Starts session time, and describes the session for its recording.
+#[expect(clippy::disallowed_methods, reason = "relates session time to the calendar")]
 fn begin(config: &Config) -> (SessionClock, CaptureInfo) {
     let clock = SessionClock::begin();
     let since_1970 = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);

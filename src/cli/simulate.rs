@@ -16,55 +16,55 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Args)]
 #[command(group(ArgGroup::new("to").required(true).args(["capture", "pty"])))]
 pub(super) struct SimulateArgs {
-    /// flat, office, furnished, home, room, or a world in a TOML file.
+    /// A built-in world (flat, office, furnished, home, room) or a TOML file.
     #[arg(long, default_value = "flat")]
     world: String,
-    /// Every random number comes from it.
+    /// Seed of all random numbers.
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Length of the session.
     #[arg(long, value_name = "SECONDS", default_value = "300", value_parser = super::seconds)]
     duration: f64,
-    /// The mix of broken sensors: none, paper or late (each kind, from 60 s on).
+    /// A set of sensor faults: none, paper or late (each kind, from 60 s on).
     #[arg(long, default_value = "none")]
     faults: FaultMix,
-    /// A broken sensor: kinds are saturated, missing, noisy and stuck.
+    /// A sensor fault; kinds are saturated, missing, noisy and stuck.
     #[arg(long = "fault", value_name = "SENSOR:KIND@TIME[-TIME]")]
     fault: Vec<SensorFault>,
-    /// A broken wheel encoder: left or right, dead or reversed.
+    /// A wheel encoder's fault: left or right, dead or reversed.
     #[arg(long, value_name = "WHEEL:KIND@TIME[-TIME]")]
     encoder_fault: Vec<EncoderFault>,
-    /// The beams' shape: cone or point.
+    /// Shape of the beams: cone or point.
     #[arg(long, default_value = "cone")]
     beam: BeamShape,
-    /// Sensors of the ring.
+    /// Number of sensors.
     #[arg(long, default_value_t = 32, value_parser = clap::value_parser!(u8).range(1..=76))]
     sensors: u8,
-    /// Scale of the odometry's errors: 0 is perfect.
+    /// Scale of the odometry errors; 0 is perfect odometry.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     odometry_errors: f64,
-    /// Standard deviation of the sensors' range biases, drawn from the seed.
+    /// Standard deviation of the random range biases of the sensors.
     #[arg(long, value_name = "METRES", default_value = "0", value_parser = super::spread)]
     range_bias: f64,
-    /// Standard deviation of the sensors' turns out of their drawn directions, drawn from the seed.
+    /// Standard deviation of the random bearing offsets of the sensors.
     #[arg(long, value_name = "DEGREES", default_value = "0", value_parser = super::spread)]
     bearing_offset: f64,
-    /// How far the board's clock is off, parts per million.
+    /// Rate error of the board's clock, parts per million.
     #[arg(long, value_name = "PPM", default_value_t = 300.0)]
     clock_drift: f64,
-    /// Probability that a byte on the line has a bit turned over.
+    /// Probability that a byte on the link has a flipped bit.
     #[arg(long, value_name = "P", default_value = "0", value_parser = super::probability)]
     bit_errors: f64,
-    /// Probability that a byte on the line is lost.
+    /// Probability that a byte on the link is lost.
     #[arg(long, value_name = "P", default_value = "0", value_parser = super::probability)]
     byte_drops: f64,
-    /// Probability that a random byte is added to the line.
+    /// Probability that a random byte is inserted.
     #[arg(long, value_name = "P", default_value = "0", value_parser = super::probability)]
     byte_insertions: f64,
-    /// Write the session, with the true poses, to this capture.
+    /// Write the session with the true poses to this capture.
     #[arg(long, value_name = "FILE")]
     capture: Option<PathBuf>,
-    /// Be a board on a pseudo-terminal of this name, in real time.
+    /// Simulate a board in real time on a pseudo-terminal of this name.
     #[arg(long, value_name = "NAME")]
     pty: Option<PathBuf>,
 }
@@ -127,7 +127,7 @@ impl SimulateArgs {
     }
 }
 
-/// A built-in world, or the one in a file.
+/// Loads a built-in world or a world file.
 fn world(name: &str) -> Result<World, Failure> {
     if let Some(world) = World::named(name) {
         return Ok(world);

@@ -1,4 +1,4 @@
-//! What a run begins with and what it leaves for the next one; the same for a robot and for a replay.
+//! Options for the saved state that a run starts from and the state that it saves, for a robot and for a replay.
 
 use super::{Failure, Kind};
 use crate::session_file::{self, FileError, Saver};
@@ -10,35 +10,38 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, Default, Args)]
 pub(super) struct StateArgs {
-    /// Go on with the map, walls, wheels and sensors of this session; the robot stands where it stood.
+    /// Continue with the map, walls, wheels and sensors of this session; the robot must stand where that session ended.
     #[arg(long, value_name = "FILE", conflicts_with = "localize")]
     resume: Option<PathBuf>,
-    /// Find the robot, wherever it is, in the map of this session, and leave that map as it is.
+    /// Localize the robot in the map of this session without changing that map; the robot may start anywhere in it.
     #[arg(long, value_name = "FILE", conflicts_with = "save_session")]
     localize: Option<PathBuf>,
     /// Save map, walls, pose, wheels and sensors to this session file at the end; with a robot also every minute.
     #[arg(long, value_name = "FILE")]
     save_session: Option<PathBuf>,
-    /// --resume and --save-session in one, for a robot that is switched off and on: go on with this session, or begin it where there is no file yet.
+    /// --resume and --save-session in one, for a robot that is switched off and on: continue this session, or begin it if the file does not exist.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["resume", "localize", "save_session"])]
     session: Option<PathBuf>,
-    /// Save the wheels as learnt to this robot configuration, for --config.
+    /// Save the calibrated wheels to this robot configuration, for --config.
     #[arg(long, value_name = "FILE")]
     save_calibration: Option<PathBuf>,
 }
 
 impl StateArgs {
-    /// True where anything is to be taken from, or left for, another run.
+    /// True if any of these options is given.
     pub(super) fn is_any(&self) -> bool {
         let paths = [&self.resume, &self.localize, &self.save_session, &self.session, &self.save_calibration];
         paths.iter().any(|path| path.is_some())
     }
 
-    /// The session, begun with what was kept.
+    /// Begins the session from the saved state.
     pub(super) fn begin(&self, config: Config, folder: &Path) -> Result<Session, Failure> {
         let keeps = self.saved().is_some() || self.save_calibration.is_some();
         if config.method == Method::Paper && keeps {
-            return Err(Failure::new(Kind::Usage, "the paper's method learns nothing that could be saved"));
+            return Err(Failure::new(
+                Kind::Usage,
+                "the paper's method has no state that could be saved; use --method walls",
+            ));
         }
         let load = |path: &Path| -> Result<Box<SavedState>, Failure> { Ok(Box::new(session_file::read(path)?)) };
         let (start, path) = match (self.resumed()?, &self.localize) {
@@ -53,30 +56,30 @@ impl StateArgs {
         Ok(Session::new(pipeline, folder)?)
     }
 
-    /// Saves the session while a robot is listened to, if wanted.
+    /// Saves the session every minute; none if no session file is named.
     pub(super) fn saver(&self) -> Option<Saver> {
         self.saved().cloned().map(Saver::new)
     }
 
-    /// The session file to be written.
+    /// The session file to write.
     fn saved(&self) -> Option<&PathBuf> {
         self.save_session.as_ref().or(self.session.as_ref())
     }
 
-    /// The session file to go on with. One that cannot be looked for is not taken for missing: it would be written over.
+    /// The session file to resume. A file that cannot be accessed is an error, because a new session would overwrite it.
     fn resumed(&self) -> Result<Option<&PathBuf>, Failure> {
         let Some(path) = &self.session else { return Ok(self.resume.as_ref()) };
         match path.try_exists() {
             Ok(true) => Ok(Some(path)),
             Ok(false) => {
-                tracing::info!("{}: there is no session yet, so a new one begins", path.display());
+                tracing::info!("{}: no session file yet; starting a new session", path.display());
                 Ok(None)
             }
             Err(error) => Err(Failure::new(Kind::Io, format!("{}: {error}", path.display()))),
         }
     }
 
-    /// Saves, at the end, whatever is wanted: one failure does not keep the other file from being written.
+    /// Saves session and calibration at the end, as requested. A failure of one does not prevent the other.
     pub(super) fn save(&self, saver: Option<Saver>, session: &Session) -> Result<(), Failure> {
         let saved = saver.map_or(Ok(()), |saver| saver.finish(session.saved_state()));
         if let (Some(path), Some(config)) = (&self.save_calibration, session.calibrated()) {
@@ -86,7 +89,7 @@ impl StateArgs {
     }
 }
 
-/// Writes a robot's configuration: the keys that differ from the defaults, whole or not at all.
+/// Writes a robot's configuration, with the keys that differ from the defaults, completely or not at all.
 pub(super) fn write_robot(path: &Path, config: &Config, writer: &str) -> Result<(), Failure> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or_else(|| Path::new("."));
     let write = || -> std::io::Result<()> {

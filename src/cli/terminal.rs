@@ -1,4 +1,4 @@
-//! What a person sees: a progress bar while it lasts, a few lines at the end.
+//! Output for people: a progress bar during the run, a few lines at the end.
 
 use indicatif::{ProgressBar, ProgressStyle};
 use slamd_core::FaultEvent;
@@ -6,7 +6,7 @@ use slamd_publish::Summary;
 use std::io::Write as _;
 use std::path::Path;
 
-/// A bar over the session's seconds, on a terminal only.
+/// A progress bar over the session's seconds, shown only on a terminal.
 pub(super) fn progress(seconds: Option<f64>) -> ProgressBar {
     let bar = match seconds {
         Some(seconds) => ProgressBar::new(tenths(seconds)).with_style(style("{bar:40} {percent}% {msg}")),
@@ -16,7 +16,7 @@ pub(super) fn progress(seconds: Option<f64>) -> ProgressBar {
     bar
 }
 
-/// A bar over so many things, on a terminal only.
+/// A progress bar over `count` items, shown only on a terminal.
 pub(super) fn progress_over(count: usize) -> ProgressBar {
     let bar = ProgressBar::new(count as u64).with_style(style("{bar:40} {pos} of {len}, {elapsed} {msg}"));
     bar.set_draw_target(indicatif::ProgressDrawTarget::stderr());
@@ -33,17 +33,17 @@ pub(super) fn show(bar: &ProgressBar, seconds: f64) {
     }
 }
 
-/// A line on standard output. One that nobody reads any more (`| head`) is no failure.
+/// Prints a line on standard output. A closed pipe (`| head`) is no failure.
 pub(super) fn say(line: impl std::fmt::Display) {
     let _ = writeln!(std::io::stdout(), "{}", plain(line));
 }
 
-/// Words without control characters other than ends of lines and tabs: what a file or a board says must not steer the terminal.
-pub(super) fn plain(words: impl std::fmt::Display) -> String {
-    words.to_string().chars().filter(|c| !c.is_control() || matches!(c, '\n' | '\t')).collect()
+/// Text without control characters except line feeds and tabs: text from a file or a board must not control the terminal.
+pub(super) fn plain(text: impl std::fmt::Display) -> String {
+    text.to_string().chars().filter(|c| !c.is_control() || matches!(c, '\n' | '\t')).collect()
 }
 
-/// The summary, in words or as JSON, on standard output.
+/// Prints the summary as text or JSON on standard output.
 pub(super) fn report(summary: &Summary, faulty: &[FaultEvent], folder: &Path, json: bool) {
     if json {
         say(summary.to_json());

@@ -1,4 +1,4 @@
-//! `--viewer`: who watches a session.
+//! `--viewer`: shows a session in Rerun.
 
 use super::{Failure, Kind};
 use crate::source::session::Session;
@@ -6,44 +6,43 @@ use clap::Args;
 use slamd_viewer::{Choice, HERE, Identity, Installed, Viewer, has_display};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-/// Watching a robot.
+/// Viewer options of a live session.
 #[derive(Debug, Args)]
 pub(super) struct LiveViewerArgs {
-    /// Show the session in Rerun, several at once if given several times: serve[=IP:PORT] for viewers that come, spawn a viewer,
-    /// connect[=URL] to one that listens, web for browsers, FILE.rrd, or off. Without it `slamd --port` serves on 127.0.0.1:9877, and opens the
-    /// installed viewer where there is a display; `slamd monitor` does not.
+    /// Show the session in Rerun: serve[=IP:PORT] for viewers that connect, spawn a viewer, connect[=URL] to a running one, web for browsers,
+    /// FILE.rrd, or off; may be repeated. By default `slamd --port` serves on 127.0.0.1:9877 and opens the installed viewer if there is a
+    /// display; `slamd monitor` shows none.
     #[arg(long, value_name = "WHERE")]
     viewer: Vec<Choice>,
-    /// Let --viewer serve listen on other addresses than this machine's own. Rerun asks nobody who they are.
+    /// Allow --viewer serve on addresses other than loopback. Rerun has no password.
     #[arg(long)]
     expose_viewer: bool,
 }
 
-/// Watching a replay.
+/// Viewer options of a replay.
 #[derive(Debug, Args)]
 pub(super) struct ReplayViewerArgs {
-    /// Show the session in Rerun, several at once if given several times: FILE.rrd, serve[=IP:PORT] for viewers that come (until Ctrl-C),
-    /// spawn a viewer, connect[=URL] to one that listens, web for browsers, or off. Without it nothing is shown: a replay is over before
-    /// anybody could look.
+    /// Show the session in Rerun: FILE.rrd, serve[=IP:PORT] for viewers that connect (until Ctrl-C), spawn a viewer, connect[=URL] to a running
+    /// one, web for browsers, or off; may be repeated. By default nothing is shown, because a replay ends within seconds.
     #[arg(long, value_name = "WHERE")]
     viewer: Vec<Choice>,
-    /// Let --viewer serve listen on other addresses than this machine's own. Rerun asks nobody who they are.
+    /// Allow --viewer serve on addresses other than loopback. Rerun has no password.
     #[arg(long)]
     expose_viewer: bool,
 }
 
-/// A session that is over waits for its viewers no longer than this; a recording that was replayed has all the time.
-const LIVE_PATIENCE: Duration = Duration::from_millis(1_200);
-const REPLAY_PATIENCE: Duration = Duration::from_secs(60);
+/// How long the end of a session waits for its viewers: short for a robot, long for a replay.
+const LIVE_TIMEOUT: Duration = Duration::from_millis(1_200);
+const REPLAY_TIMEOUT: Duration = Duration::from_secs(60);
 
-/// Who watches, and for how long in the end.
+/// The viewers, and how long the end waits for them.
 pub(super) struct Watched {
     viewer: Viewer,
-    patience: Duration,
+    timeout: Duration,
 }
 
 impl LiveViewerArgs {
-    /// Somebody watches on the terminal: nothing else is opened unless asked for.
+    /// Shows no viewer unless the user asked for one.
     pub(super) fn off_by_default(&mut self) {
         if self.viewer.is_empty() {
             self.viewer.push(Choice::Off);
@@ -58,37 +57,37 @@ impl LiveViewerArgs {
                 choices.push(Choice::Spawn);
             }
         }
-        hidden(&choices, self.expose_viewer)?;
+        check_exposure(&choices, self.expose_viewer)?;
         begin(&choices, robot, unix_zero_us, false)
     }
 }
 
 impl ReplayViewerArgs {
-    /// True where anybody is to watch.
+    /// True if a viewer is requested.
     pub(super) fn is_any(&self) -> bool {
         self.viewer.iter().any(|choice| *choice != Choice::Off)
     }
 
     pub(super) fn begin(&self, capture: &str, unix_zero_us: Option<u64>) -> Result<Watched, Failure> {
-        hidden(&self.viewer, self.expose_viewer)?;
+        check_exposure(&self.viewer, self.expose_viewer)?;
         begin(&self.viewer, capture, unix_zero_us, true)
     }
 }
 
 impl Watched {
-    /// Lets the viewers see the session.
+    /// Adds the viewers to the session.
     pub(super) fn watch(&self, session: &mut Session) {
         if let Some(watcher) = self.viewer.watcher() {
             session.watch(watcher);
         }
     }
 
-    /// The session is gone; its last is shown. Where a replay is served, until somebody ends it.
+    /// Shows the end of the session. A served replay stays open until Ctrl-C.
     pub(super) fn finish(self) -> Result<(), Failure> {
-        let stays = self.patience == REPLAY_PATIENCE && self.viewer.serves();
-        let opened = self.viewer.finish(self.patience);
+        let stays = self.timeout == REPLAY_TIMEOUT && self.viewer.serves();
+        let opened = self.viewer.finish(self.timeout);
         if stays {
-            tracing::info!("viewer: the replay is over and stays to be looked at; Ctrl-C ends");
+            tracing::info!("viewer: the replay has ended and is still served; Ctrl-C ends");
             let runtime = super::run::runtime()?;
             let _guard = runtime.enter();
             let mut shutdown = crate::daemon::Shutdown::new(None)?;
@@ -99,8 +98,8 @@ impl Watched {
     }
 }
 
-/// Nobody is let in by mistake.
-fn hidden(choices: &[Choice], is_exposed: bool) -> Result<(), Failure> {
+/// Rejects an address other than loopback without `--expose-viewer`.
+fn check_exposure(choices: &[Choice], is_exposed: bool) -> Result<(), Failure> {
     let open = choices.iter().find_map(|choice| match choice {
         Choice::Serve(address) if !address.ip().is_loopback() => Some(address),
         _ => None,
@@ -109,15 +108,15 @@ fn hidden(choices: &[Choice], is_exposed: bool) -> Result<(), Failure> {
         Some(address) if !is_exposed => Err(Failure::new(
             Kind::Usage,
             format!(
-                "--viewer serve={address} shows map and path to whoever reaches this machine's network, because Rerun knows no password: say \
-                 --expose-viewer if that is meant, or serve on 127.0.0.1 and come through `ssh -L`"
+                "--viewer serve={address} shows map and path to everyone in this machine's network, because Rerun has no password: add \
+                 --expose-viewer if that is intended, or serve on 127.0.0.1 and connect through `ssh -L`"
             ),
         )),
         _ => Ok(()),
     }
 }
 
-#[expect(clippy::disallowed_methods, reason = "no two sessions are the same")]
+#[expect(clippy::disallowed_methods, reason = "makes the recording's id unique")]
 fn begin(choices: &[Choice], name: &str, unix_zero_us: Option<u64>, is_replay: bool) -> Result<Watched, Failure> {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     let recording = format!("slamd-{}-{}", now.as_nanos(), std::process::id());
@@ -133,7 +132,7 @@ fn begin(choices: &[Choice], name: &str, unix_zero_us: Option<u64>, is_replay: b
             Choice::Spawn | Choice::Web | Choice::Off => {}
         }
     }
-    // These need a server, whichever it is.
+    // These two need a server on any address.
     let needs = choices.iter().any(|choice| matches!(choice, Choice::Spawn | Choice::Web));
     if needs && !serves {
         viewer.serve(HERE);
@@ -144,5 +143,5 @@ fn begin(choices: &[Choice], name: &str, unix_zero_us: Option<u64>, is_replay: b
     if choices.contains(&Choice::Web) {
         viewer.web();
     }
-    Ok(Watched { viewer, patience: if is_replay { REPLAY_PATIENCE } else { LIVE_PATIENCE } })
+    Ok(Watched { viewer, timeout: if is_replay { REPLAY_TIMEOUT } else { LIVE_TIMEOUT } })
 }

@@ -1,4 +1,4 @@
-//! The board's clock against the host's, and the way there and back.
+//! The board's clock compared with the host's, and the round-trip time.
 
 use super::finding::{Finding, Level};
 use slamd_core::{
@@ -7,13 +7,14 @@ use slamd_core::{
 };
 use slamd_protocol::{FrameDecoder, Message};
 
-/// Beyond this a ping cannot be dated well enough, seconds: an FTDI bridge holds bytes for 16 ms unless told not to.
+/// Largest median round trip without a warning, seconds. Longer trips make the pings' times too uncertain; an FTDI bridge delays bytes by 16 ms
+/// in its default setting.
 const MAX_MEDIAN_S: f64 = 0.012;
-/// No resonator is worse; beyond it something else is wrong with the board's stamps.
+/// Largest rate error, parts per million: no resonator is worse, so a larger one has another cause.
 const MAX_PPM: f64 = 15_000.0;
 const MIN_TRIPS: usize = 5;
 
-/// The time requests and their answers.
+/// Time requests and their responses.
 #[derive(Default)]
 pub(super) struct ClockEvidence {
     sent: FrameDecoder,
@@ -47,7 +48,7 @@ impl ClockEvidence {
         self.map.round_trip(sent, received, answered, at);
     }
 
-    /// The board's clock begins anew.
+    /// The board's clock restarted.
     pub(super) fn restart(&mut self) {
         self.widener.reset();
         self.map.reset();
@@ -56,21 +57,17 @@ impl ClockEvidence {
 
     pub(super) fn findings(&self) -> Vec<Finding> {
         if self.trips_s.len() < MIN_TRIPS {
-            let text = format!("only {} answers to the question for the time", self.trips_s.len());
-            return vec![Finding::new(Level::Note, "clock.answers", text, "let this run for longer: --seconds 30")];
+            let text = format!("only {} responses to time requests", self.trips_s.len());
+            return vec![Finding::new(Level::Note, "clock.answers", text, "run longer: --seconds 30")];
         }
         let mut trips_s = self.trips_s.clone();
         trips_s.sort_by(f64::total_cmp);
         let quantile_s = |percent: usize| trips_s.get((trips_s.len() - 1) * percent / 100).copied().unwrap_or(0.0);
         let (least_s, median_s, most_s) = (quantile_s(0), quantile_s(50), quantile_s(100));
-        let text = format!(
-            "there and back takes {:.1} ms, at least {:.1} and at most {:.1} ms",
-            median_s * 1e3,
-            least_s * 1e3,
-            most_s * 1e3
-        );
+        let text =
+            format!("round trip {:.1} ms (median), {:.1} to {:.1} ms", median_s * 1e3, least_s * 1e3, most_s * 1e3);
         let mut findings = vec![if median_s > MAX_MEDIAN_S {
-            let fix = "an FTDI bridge holds bytes back: run `setserial PORT low_latency`, or write 1 to latency_timer by a udev rule; else plug the board in without a hub";
+            let fix = "an FTDI bridge delays bytes: run `setserial PORT low_latency`, or set latency_timer to 1 with a udev rule; otherwise plug the board in without a hub";
             Finding::new(Level::Warning, "clock.latency", text, fix)
         } else {
             Finding::ok("clock.latency", text)

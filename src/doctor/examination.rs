@@ -1,4 +1,4 @@
-//! Evidence from what is read and written.
+//! The examination of a board: collects evidence from the traffic.
 
 use super::clock::ClockEvidence;
 use super::finding::{Finding, Level, Report};
@@ -12,28 +12,28 @@ use slamd_core::{
 };
 use slamd_protocol::{DELIMITER, FrameDecoder, Message, Setting};
 
-/// A board under examination: fed as a session is, asked for its findings at the end.
+/// An examination of a board: takes the same inputs as a session and gives its findings at the end.
 pub struct Examination {
     config: Config,
     driver: Driver,
     link: Link,
     decoder: FrameDecoder,
-    heard: Heard,
+    outputs: Outputs,
     sensors: SensorEvidence,
     wheels: WheelEvidence,
     clock: ClockEvidence,
-    told: [Option<i32>; Setting::ALL.len()],
+    settings: [Option<i32>; Setting::ALL.len()],
     restarts: u64,
 }
 
-/// What comes out of the pipeline.
-struct Heard {
+/// Outputs of the pipeline.
+struct Outputs {
     line: LineEvidence,
     transmit: Vec<Bytes>,
 }
 
 impl Examination {
-    /// An examination of a board whose port has just been opened at `baud`.
+    /// An examination of a board whose port was just opened at `baud`.
     #[must_use]
     pub fn new(config: &Config, baud: u32, port: &str) -> Self {
         let pipeline = slamd_paper::pipeline(config, slamd_core::Start::Fresh)
@@ -46,16 +46,16 @@ impl Examination {
             driver,
             link,
             decoder: FrameDecoder::new(),
-            heard: Heard { line: LineEvidence::new(baud), transmit: Vec::new() },
+            outputs: Outputs { line: LineEvidence::new(baud), transmit: Vec::new() },
             sensors: SensorEvidence::default(),
             wheels: WheelEvidence::default(),
             clock: ClockEvidence::default(),
-            told: [None; Setting::ALL.len()],
+            settings: [None; Setting::ALL.len()],
             restarts: 0,
         }
     }
 
-    /// Takes a record of a capture. What was really sent is in it.
+    /// Takes a record of a capture. The capture holds the frames that were really sent, so new ones are discarded.
     pub fn feed(&mut self, record: &Record) {
         match record {
             Record::Received { at, bytes } => self.received(*at, bytes),
@@ -63,7 +63,7 @@ impl Examination {
             Record::Opened { at } => self.opened(*at),
             Record::Truth { .. } => {}
         }
-        self.heard.transmit.clear();
+        self.outputs.transmit.clear();
     }
 
     /// The port was opened again.
@@ -74,20 +74,20 @@ impl Examination {
         self.handle(Input::Opened { at });
     }
 
-    /// Bytes were read.
+    /// Takes bytes that were read.
     pub fn received(&mut self, at: Timestamp, bytes: &[u8]) {
         let at = self.run_until(at);
         self.handle(Input::Received { at, bytes });
-        self.heard.line.received(at, bytes.len());
+        self.outputs.line.received(at, bytes.len());
         self.link.heard(at, bytes, &self.driver.reception());
-        self.hear_link();
+        self.take_link_changes();
         let counters = self.driver.pipeline().counters();
         if counters.restarts > self.restarts {
             self.restarts = counters.restarts;
             self.wheels.restart();
             self.clock.restart();
             self.sensors.restart();
-            self.heard.line.restart();
+            self.outputs.line.restart();
         }
         for &byte in bytes {
             let Some(frame) = self.decoder.push(byte) else { continue };
@@ -97,7 +97,7 @@ impl Examination {
         }
     }
 
-    /// Bytes were written.
+    /// Takes bytes that were written.
     pub fn sent(&mut self, at: Timestamp, bytes: &[u8]) {
         let at = self.run_until(at);
         self.handle(Input::Sent { at, bytes });
@@ -109,7 +109,7 @@ impl Examination {
         while let Some(deadline) = self.link.deadline().filter(|deadline| *deadline <= at) {
             let deadline = self.advance(deadline);
             self.link.tick(deadline, &self.driver.reception());
-            self.hear_link();
+            self.take_link_changes();
         }
         self.advance(at)
     }
@@ -122,10 +122,10 @@ impl Examination {
 
     /// Frames to be written to the board since the last call.
     pub fn take_transmit(&mut self) -> Vec<Bytes> {
-        std::mem::take(&mut self.heard.transmit)
+        std::mem::take(&mut self.outputs.transmit)
     }
 
-    /// Another rate at which the port should be listened to.
+    /// Another baud rate to try.
     pub fn take_baud(&mut self) -> Option<u32> {
         match self.link.take_remedy()? {
             Remedy::Baud(baud) => Some(baud),
@@ -133,22 +133,22 @@ impl Examination {
         }
     }
 
-    /// True where a good frame has been received.
+    /// True once a valid frame was received.
     #[must_use]
     pub fn has_frames(&self) -> bool {
         self.driver.pipeline().counters().frames > 0
     }
 
-    /// The board's own value of a setting, where it has told it.
-    fn told(&self, setting: Setting) -> Option<i32> {
-        self.told.get(usize::from(setting.key()).checked_sub(1)?).copied().flatten()
+    /// The board's value of a setting, if it has reported it.
+    fn setting(&self, setting: Setting) -> Option<i32> {
+        self.settings.get(usize::from(setting.key()).checked_sub(1)?).copied().flatten()
     }
 
-    /// What was found, and what each sensor gave.
+    /// The findings, and each sensor's statistics.
     #[must_use]
     pub fn findings(&self) -> (Vec<Finding>, Vec<super::SensorStatistics>) {
         let counters = self.driver.pipeline().counters();
-        let mut findings = self.heard.line.findings(&counters, self.driver.pipeline().board(), self.link.baud());
+        let mut findings = self.outputs.line.findings(&counters, self.driver.pipeline().board(), self.link.baud());
         let answers = counters.frames > counters.echoed && !self.driver.pipeline().board().is_refused();
         if !answers {
             return (findings, Vec::new());
@@ -164,11 +164,11 @@ impl Examination {
             &statistics,
             path_m,
             self.config.ring.max_range_m,
-            self.told(Setting::SlotUs),
+            self.setting(Setting::SlotUs),
         ));
         findings.extend(noisy(self.driver.pipeline().states()));
         findings.extend(self.wheels.findings(&self.config.robot, self.driver.pipeline().board(), |setting| {
-            self.told(setting).or_else(|| {
+            self.setting(setting).or_else(|| {
                 self.config.settings().find(|(configured, _)| *configured == setting).map(|(_, value)| value)
             }) == Some(1)
         }));
@@ -191,16 +191,16 @@ impl Examination {
             }
             Message::Encoder(encoder) => self.wheels.counts(encoder.t_us, encoder.left_ticks, encoder.right_ticks),
             Message::Status(status) => {
-                self.heard.line.status(status);
+                self.outputs.line.status(status);
                 self.sensors.status(status);
             }
             Message::TimeResponse { token, rx_us, tx_us } => {
                 self.clock.answered(self.driver.now(), *token, *rx_us, *tx_us)
             }
             Message::ConfigValue { key, value } => {
-                let place = usize::from(*key).checked_sub(1).and_then(|place| self.told.get_mut(place));
-                if let Some(place) = place {
-                    *place = Some(*value);
+                let setting = usize::from(*key).checked_sub(1).and_then(|index| self.settings.get_mut(index));
+                if let Some(setting) = setting {
+                    *setting = Some(*value);
                 }
             }
             _ => {}
@@ -208,24 +208,24 @@ impl Examination {
     }
 
     fn handle(&mut self, input: Input<'_>) {
-        let Self { driver, heard, .. } = self;
-        driver.handle(input, |_, update| heard.see(update));
+        let Self { driver, outputs, .. } = self;
+        driver.handle(input, |_, update| outputs.take(update));
     }
 
     fn advance(&mut self, at: Timestamp) -> Timestamp {
-        let Self { driver, heard, .. } = self;
-        driver.advance(at, |_, update| heard.see(update))
+        let Self { driver, outputs, .. } = self;
+        driver.advance(at, |_, update| outputs.take(update))
     }
 
-    fn hear_link(&mut self) {
+    fn take_link_changes(&mut self) {
         while let Some(change) = self.link.poll_change() {
-            self.heard.line.link(change);
+            self.outputs.line.link(change);
         }
     }
 }
 
-impl Heard {
-    fn see(&mut self, update: Update<'_>) {
+impl Outputs {
+    fn take(&mut self, update: Update<'_>) {
         match update {
             Update::Transmit(frame) => self.transmit.push(frame.clone()),
             Update::Event(Event::BoardTrouble { text, .. }) => self.line.trouble(text.clone()),
@@ -234,11 +234,11 @@ impl Heard {
     }
 }
 
-/// The sensors whose readings the estimator does not believe: only the map tells scatter from a room.
+/// The sensors that the estimator classifies as noisy. Only the map can distinguish scatter from a real room.
 fn noisy(states: &[SensorState]) -> impl Iterator<Item = Finding> {
     let is_noisy = |state: &SensorState| *state == SensorState::Faulty(FaultKind::Noisy);
     states.iter().enumerate().filter(move |(_, state)| is_noisy(state)).map(|(sensor, _)| {
-        let text = format!("sensor {sensor} is noisy: its readings scatter against what the others see");
+        let text = format!("sensor {sensor} is noisy: its readings scatter compared with the other sensors");
         let fix = format!("tighten sensor {sensor}'s plug, give it a capacitor of 100 uF at its supply, or replace it");
         Finding::new(Level::Warning, "sensor.noisy", text, fix)
     })

@@ -1,24 +1,24 @@
-//! A finding: what was seen, how bad it is, and what to do.
+//! A finding: observation, severity and remedy.
 
 use super::SensorStatistics;
 use serde::Serialize;
 
-/// How bad a finding is.
+/// Severity of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Level {
-    /// As it should be.
+    /// No problem.
     Ok,
     /// Worth knowing.
     Note,
-    /// slamd copes; the map is worse for it.
+    /// slamd works, but the map gets worse.
     Warning,
     /// No map, or a wrong one.
     Problem,
 }
 
 impl Level {
-    /// The word that begins the finding's line.
+    /// The level's name, which begins the finding's line.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -30,27 +30,27 @@ impl Level {
     }
 }
 
-/// Something seen.
+/// A finding.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Finding {
-    /// Which check found it, for programs.
+    /// Id of the check, for programs.
     pub id: &'static str,
-    /// How bad it is.
+    /// Severity.
     pub level: Level,
-    /// What was seen.
+    /// The observation.
     pub text: String,
-    /// What to do about it.
+    /// The remedy.
     pub fix: Option<String>,
 }
 
 impl Finding {
-    /// All is well.
+    /// A finding without a problem.
     #[must_use]
     pub fn ok(id: &'static str, text: impl Into<String>) -> Self {
         Self { id, level: Level::Ok, text: text.into(), fix: None }
     }
 
-    /// Something to do.
+    /// A finding with a remedy.
     #[must_use]
     pub fn new(level: Level, id: &'static str, text: impl Into<String>, fix: impl Into<String>) -> Self {
         Self { id, level, text: text.into(), fix: Some(fix.into()) }
@@ -67,32 +67,32 @@ impl std::fmt::Display for Finding {
     }
 }
 
-/// How many findings of each level there are.
+/// Number of findings of each level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Summary {
-    /// As they should be.
+    /// Without a problem.
     pub ok: usize,
     /// Worth knowing.
     pub note: usize,
-    /// To be looked at.
+    /// Warnings.
     pub warning: usize,
-    /// To be repaired.
+    /// Problems.
     pub problem: usize,
 }
 
 /// All findings.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    /// In the order in which they are told.
+    /// The findings in order of output.
     pub findings: Vec<Finding>,
-    /// What each sensor gave, by id.
+    /// Statistics of each sensor, by id.
     pub sensors: Vec<SensorStatistics>,
-    /// Their numbers.
+    /// Number of findings of each level.
     pub summary: Summary,
 }
 
 impl Report {
-    /// Counts `findings`.
+    /// Builds the report and its summary.
     #[must_use]
     pub fn new(findings: Vec<Finding>, sensors: Vec<SensorStatistics>) -> Self {
         let count = |level| findings.iter().filter(|finding| finding.level == level).count();

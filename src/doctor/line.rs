@@ -1,4 +1,4 @@
-//! The line: what arrives, whole or damaged, from which firmware.
+//! The serial link: received data, damage, baud rate and firmware.
 
 use super::finding::{Finding, Level};
 use slamd_core::{
@@ -9,17 +9,17 @@ use slamd_protocol::Status;
 
 /// A start bit, eight of data, a stop bit.
 const BITS_PER_BYTE: f64 = 10.0;
-/// Frames that may be damaged without a word: one is cut in two when the port is opened.
-const FEW: u64 = 3;
-/// Shares of damaged or lost frames that are told, and that ruin a map.
+/// Least number of damaged or lost frames for a finding: opening the port always cuts one frame.
+const MIN_COUNT: u64 = 3;
+/// Shares of damaged or lost frames for a warning, and for a problem, which ruins the map.
 const WARNING_SHARE: f64 = 0.001;
 const PROBLEM_SHARE: f64 = 0.05;
-/// USB gives 5 V; below this the sensors' range falls.
+/// Least supply voltage, millivolts: USB gives 5 V, and below this the sensors' range decreases.
 const MIN_SUPPLY_MV: u16 = 4_600;
-/// Beyond this share of the line's rate frames begin to be dropped.
+/// Largest used share of the baud rate: above it, frames begin to be dropped.
 const FULL: f64 = 0.9;
 
-/// What was seen of the line.
+/// Evidence about the link.
 pub(super) struct LineEvidence {
     wanted_baud: u32,
     bytes: u64,
@@ -65,7 +65,7 @@ impl LineEvidence {
         self.troubles.push(text);
     }
 
-    /// The board's counters begin anew.
+    /// The board's counters restarted.
     pub(super) fn restart(&mut self) {
         self.last_status = None;
     }
@@ -107,15 +107,15 @@ impl LineEvidence {
             None => findings.push(Finding::new(
                 Level::Warning,
                 "line.board",
-                "the board has not said who it is",
-                "press its reset button while this runs; if it stays so, flash protocol/firmware anew",
+                "the board has not identified itself",
+                "press its reset button while this runs; if that does not help, flash protocol/firmware again",
             )),
         }
         if baud != self.wanted_baud {
             findings.push(Finding::new(
                 Level::Warning,
                 "line.baud",
-                format!("the board speaks at {baud} baud, not at {}", self.wanted_baud),
+                format!("the board sends at {baud} baud, not at {}", self.wanted_baud),
                 format!("start slamd with --baud {baud}"),
             ));
         }
@@ -147,8 +147,8 @@ impl LineEvidence {
         } else {
             "silence: nothing arrived".into()
         };
-        let words = cause.map(ToString::to_string);
-        match words.as_ref().and_then(|words| words.rsplit_once(": ")) {
+        let text = cause.map(ToString::to_string);
+        match text.as_ref().and_then(|text| text.rsplit_once(": ")) {
             Some((text, fix)) => Finding::new(Level::Problem, id, text, fix),
             None => Finding::new(Level::Problem, id, otherwise, RESET),
         }
@@ -170,7 +170,7 @@ impl LineEvidence {
         })
     }
 
-    /// What the board says of the line and of its supply.
+    /// The board's own report on link and supply.
     fn board_side(&self) -> Vec<Finding> {
         let mut findings = Vec::new();
         if self.overruns > 0 {
@@ -186,7 +186,7 @@ impl LineEvidence {
                 Level::Warning,
                 "line.to_board",
                 format!("{} frames reached the board damaged", self.board_crc_errors),
-                "shorten the cable, join the grounds, and keep it away from the motors' wires",
+                "shorten the cable, connect the grounds, and keep it away from the motors' wires",
             ));
         }
         if let Some(supply_mv) = self.least_supply_mv.filter(|&supply_mv| supply_mv < MIN_SUPPLY_MV) {
@@ -194,29 +194,30 @@ impl LineEvidence {
                 Level::Warning,
                 "line.supply",
                 format!("the board's supply fell to {:.2} V", f64::from(supply_mv) * 1e-3),
-                "feed sensors and motors from their own supply and join the grounds",
+                "power sensors and motors from their own supply and connect the grounds",
             ));
         }
         findings
     }
 }
 
-/// Frames that came damaged or not at all.
+/// Damaged and missing frames.
 fn damage(counters: &Counters) -> Vec<Finding> {
     let level = |count: u64| {
         let share = count as f64 / (count + counters.frames) as f64;
-        let is_told = count >= FEW && share > WARNING_SHARE;
+        let is_relevant = count >= MIN_COUNT && share > WARNING_SHARE;
         let level = if share > PROBLEM_SHARE { Level::Problem } else { Level::Warning };
-        is_told.then_some((level, share * 100.0))
+        is_relevant.then_some((level, share * 100.0))
     };
     let damaged = counters.crc_errors + counters.malformed;
     let mut findings = Vec::new();
     if let Some((level, percent)) = level(damaged) {
         let text = format!("{damaged} frames ({percent:.1} %) arrived damaged");
-        let fix = "shorten the cable, join the grounds, keep it away from the motors' wires, or use a lower baud rate";
+        let fix =
+            "shorten the cable, connect the grounds, keep it away from the motors' wires, or use a lower baud rate";
         findings.push(Finding::new(level, "line.damaged", text, fix));
     }
-    // What is damaged is missing too.
+    // A damaged frame also counts as missing in the sequence numbers.
     let lost = counters.lost_frames.saturating_sub(damaged);
     if let Some((level, percent)) = level(lost) {
         let text = format!("{lost} frames ({percent:.1} %) are missing");
@@ -231,12 +232,12 @@ fn damage(counters: &Counters) -> Vec<Finding> {
     }
     let unknown = counters.unknown + counters.refused;
     if unknown > 0 {
-        let text = format!("{unknown} messages could not be understood");
+        let text = format!("{unknown} messages with unknown type or invalid content");
         findings.push(Finding::new(
             Level::Warning,
             "line.unknown",
             text,
-            "update slamd and the firmware to one version",
+            "update slamd and the firmware to the same version",
         ));
     }
     findings
@@ -253,6 +254,6 @@ fn restarts(count: u64) -> Option<Finding> {
         level,
         "line.restarts",
         format!("the board restarted {times}"),
-        "its supply breaks down, or its cable is loose: feed sensors and motors from their own supply",
+        "its supply fails or its cable is loose: power sensors and motors from their own supply",
     ))
 }

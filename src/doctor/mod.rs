@@ -1,7 +1,7 @@
-//! What is wrong with the line, the sensors, the wheels and the clock, and what to do about each.
+//! Diagnosis of link, sensors, wheels and clock, with remedies.
 //!
-//! `bytes → Examination → findings`. Like the pipeline, an examination has no clock and no port: a recorded capture and a live
-//! board are examined alike.
+//! `bytes → Examination → findings`. Like the pipeline, an examination has no clock and no port, so it handles a capture and a live board in
+//! the same way.
 
 mod clock;
 mod examination;

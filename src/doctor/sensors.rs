@@ -1,4 +1,4 @@
-//! The sensors: which answer, which hear, which always say the same.
+//! The sensors: which respond, which receive echoes, which are stuck.
 
 use super::finding::{Finding, Level};
 use serde::Serialize;
@@ -8,30 +8,30 @@ use std::f64::consts::TAU;
 
 /// Half the speed of sound at room temperature, metres per microsecond.
 const METRES_PER_US: f64 = 171.7e-6;
-/// Fewer pings tell nothing of a sensor.
+/// Least number of pings to judge a sensor.
 const MIN_PINGS: u64 = 20;
-/// A sensor whose readings stay within this while the robot moves is stuck, microseconds (5 mm).
+/// Largest spread of a stuck sensor's readings while the robot moves, microseconds (5 mm).
 const STUCK_SPREAD_US: u16 = 30;
-/// The robot must have moved this far for it, metres.
+/// Least path of the robot to call a sensor stuck, metres.
 const MIN_PATH_M: f64 = 0.3;
-/// A sensor between two that hear this share of their pings should hear something too.
-const HEARING: f64 = 0.5;
-/// The share of the promised sweeps that must arrive.
+/// Least share of pings with an echo at both neighbours to expect echoes from a sensor too.
+const MIN_ECHO_SHARE: f64 = 0.5;
+/// Least share of the expected sweeps that must arrive.
 const MIN_SWEEPS: f64 = 0.9;
 const MAX_GROUPS: usize = 256;
 
-/// What one sensor gave.
+/// Statistics of one sensor.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct SensorStatistics {
-    /// Its id.
+    /// The sensor's id.
     pub sensor: usize,
-    /// How often its group fired; where the groups are unknown, how often it answered.
+    /// Number of times that its group fired; if the groups are unknown, number of its answers.
     pub pings: u64,
     /// Answers of any kind.
     pub answers: u64,
     /// Echoes.
     pub echoes: u64,
-    /// Pings that nothing answered within range.
+    /// Pings without an echo within range.
     pub no_echo: u64,
     /// Pings whose echo pin did not fall, or was high before the trigger.
     pub pin_stuck: u64,
@@ -63,11 +63,11 @@ struct Tally {
     range_us: Option<(u16, u16)>,
 }
 
-/// What was heard of the sensors.
+/// Evidence about the sensors.
 #[derive(Default)]
 pub(super) struct SensorEvidence {
     tallies: Vec<Tally>,
-    /// How often each group fired.
+    /// Number of times that each group fired.
     fired: Vec<u64>,
     stuck_mask: u64,
     last_us: Option<u32>,
@@ -91,11 +91,11 @@ impl SensorEvidence {
                 self.span_us += u64::from(slot_us);
             }
         }
-        for heard in &sonar.echoes {
-            let sensor = usize::from(heard.sensor);
+        for result in &sonar.echoes {
+            let sensor = usize::from(result.sensor);
             self.tallies.resize(self.tallies.len().max(sensor + 1), Tally::default());
             if let Some(tally) = self.tallies.get_mut(sensor) {
-                tally.add(heard.echo);
+                tally.add(result.echo);
             }
         }
     }
@@ -104,7 +104,7 @@ impl SensorEvidence {
         self.stuck_mask |= status.stuck_mask;
     }
 
-    /// The board's clock begins anew.
+    /// The board's clock restarted.
     pub(super) fn restart(&mut self) {
         self.last_us = None;
     }
@@ -116,7 +116,7 @@ impl SensorEvidence {
                 let tally = self.tallies.get(sensor).unwrap_or(&none);
                 let mounting = ring.and_then(|ring| ring.mountings.get(sensor));
                 let fired = mounting.and_then(|mounting| self.fired.get(usize::from(mounting.group)));
-                // Where the ring is unknown all groups fire about equally often.
+                // If the ring is unknown: all groups fire about equally often.
                 let fired = fired.or_else(|| self.fired.iter().filter(|&&fired| fired > 0).min());
                 let (least_us, most_us) = tally.range_us.unwrap_or_default();
                 let metres = |us: u16| tally.range_us.map(|_| f64::from(us) * METRES_PER_US);
@@ -147,20 +147,20 @@ impl SensorEvidence {
         slot_us: Option<i32>,
     ) -> Vec<Finding> {
         if self.fired.iter().sum::<u64>() == 0 {
-            let fix = "press the board's reset button; if it stays so, flash protocol/firmware anew";
+            let fix = "press the board's reset button; if that does not help, flash protocol/firmware again";
             return vec![Finding::new(Level::Problem, "sensors.silent", "the board answers but fires no sensor", fix)];
         }
         let mut findings = Vec::from_iter(self.rate(slot_us));
-        let judged: Vec<Option<Finding>> = statistics
+        let per_sensor: Vec<Option<Finding>> = statistics
             .iter()
             .map(|sensor| {
-                let neighbours = neighbours_hear(sensor, statistics);
+                let neighbours = neighbours_have_echoes(sensor, statistics);
                 let is_stuck = sensor.sensor < 64 && self.stuck_mask >> sensor.sensor & 1 == 1;
-                judge(sensor, is_stuck, neighbours, path_m, max_range_m)
+                examine(sensor, is_stuck, neighbours, path_m, max_range_m)
             })
             .collect();
         let silent = statistics.iter().filter(|sensor| sensor.echoes == 0).count();
-        let whole = judged.iter().filter(|finding| finding.is_none()).count();
+        let whole = per_sensor.iter().filter(|finding| finding.is_none()).count();
         let text = format!("{whole} of {} sensors measure, {silent} give no distance at all", statistics.len());
         findings.push(if silent * 2 > statistics.len() {
             let fix = "check the common supply, ground and trigger lines; hold something 30 cm in front of the sensors";
@@ -168,11 +168,11 @@ impl SensorEvidence {
         } else {
             Finding::ok("sensors.count", text)
         });
-        findings.extend(judged.into_iter().flatten());
+        findings.extend(per_sensor.into_iter().flatten());
         findings
     }
 
-    /// The sweeps against what the slots promise.
+    /// Compares the sweep rate with the rate that follows from the slots.
     fn rate(&self, slot_us: Option<i32>) -> Option<Finding> {
         let mut slots_us = self.slots_us.clone();
         slots_us.sort_unstable();
@@ -182,12 +182,11 @@ impl SensorEvidence {
         if self.cycles < 5 || self.span_us == 0 {
             return None;
         }
-        let promised_hz = 1e6 / (f64::from(slot_us) * groups as f64);
+        let expected_hz = 1e6 / (f64::from(slot_us) * groups as f64);
         let seen_hz = self.cycles as f64 / (self.span_us as f64 * 1e-6);
-        let text =
-            format!("{seen_hz:.1} sweeps/s of the {promised_hz:.1} that {groups} groups of {slot_us} us promise");
-        Some(if seen_hz < MIN_SWEEPS * promised_hz {
-            let fix = "see the findings of the line; else the board cannot keep its slots: set [board] slot_us higher";
+        let text = format!("{seen_hz:.1} sweeps/s of the {expected_hz:.1} that {groups} groups of {slot_us} us allow");
+        Some(if seen_hz < MIN_SWEEPS * expected_hz {
+            let fix = "see the link's findings; if there are none, the board cannot keep its slots: set [board] slot_us higher";
             Finding::new(Level::Warning, "sensors.rate", text, fix)
         } else {
             Finding::ok("sensors.rate", text)
@@ -213,23 +212,23 @@ impl Tally {
     }
 }
 
-/// True where the nearest sensors left and right that measure at all hear most of their pings.
-fn neighbours_hear(sensor: &SensorStatistics, all: &[SensorStatistics]) -> bool {
+/// True if the nearest measuring sensors on both sides receive echoes of most of their pings.
+fn neighbours_have_echoes(sensor: &SensorStatistics, all: &[SensorStatistics]) -> bool {
     let away = |other: &SensorStatistics| (other.bearing_rad - sensor.bearing_rad).rem_euclid(TAU);
     let mut others: Vec<&SensorStatistics> =
         all.iter().filter(|other| other.sensor != sensor.sensor && other.echoes > 0).collect();
     others.sort_by(|a, b| away(a).total_cmp(&away(b)));
-    let hears = |other: Option<&&SensorStatistics>| {
-        other.is_some_and(|other| other.echoes as f64 > HEARING * other.pings as f64)
+    let has_echoes = |other: Option<&&SensorStatistics>| {
+        other.is_some_and(|other| other.echoes as f64 > MIN_ECHO_SHARE * other.pings as f64)
     };
-    hears(others.first()) && hears(others.last())
+    has_echoes(others.first()) && has_echoes(others.last())
 }
 
-/// What is wrong with one sensor.
-fn judge(
+/// The finding about one sensor, if it has a problem.
+fn examine(
     sensor: &SensorStatistics,
     is_stuck: bool,
-    neighbours_hear: bool,
+    neighbours_have_echoes: bool,
     path_m: f64,
     max_range_m: f64,
 ) -> Option<Finding> {
@@ -258,15 +257,16 @@ fn judge(
     }
     if echoes == 0 {
         let text = format!("sensor {id} heard no echo of {pings} pings");
-        let fix =
-            format!("hold a book 30 cm in front of sensor {id} while this runs; if it hears nothing then, replace it");
-        let level = if neighbours_hear { Level::Warning } else { Level::Note };
+        let fix = format!(
+            "hold a book 30 cm in front of sensor {id} while this runs; if it still receives no echo, replace it"
+        );
+        let level = if neighbours_have_echoes { Level::Warning } else { Level::Note };
         return Some(Finding::new(level, "sensor.no_echo", text, fix));
     }
     if echoes >= MIN_PINGS && f64::from(sensor.least_us) * METRES_PER_US > max_range_m {
         let text = format!("sensor {id} always reads its maximum, beyond {max_range_m} m");
         let fix = format!("clean sensor {id} and look for what covers it, or replace it");
-        let level = if neighbours_hear { Level::Warning } else { Level::Note };
+        let level = if neighbours_have_echoes { Level::Warning } else { Level::Note };
         return Some(Finding::new(level, "sensor.maximum", text, fix));
     }
     let is_same = sensor.most_us - sensor.least_us <= STUCK_SPREAD_US;

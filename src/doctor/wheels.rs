@@ -1,35 +1,35 @@
-//! The wheels: whether both count, forwards, alike, and which is which.
+//! The wheels: whether both encoders count, in the right direction, equally, and on the right side.
 //!
-//! Encoders alone cannot tell a robot that is pushed with one wheel reversed from one that turns on the spot. So the user is asked
-//! for a push straight ahead, then for a turn to the left, and each finding says under which condition it holds.
+//! Encoders alone cannot distinguish a push straight ahead with one wheel reversed from a rotation on the spot. So the user pushes the robot
+//! straight ahead and then turns it left, and each finding states its condition.
 
 use super::finding::{Finding, Level};
 use slamd_core::{Board, config::RobotConfig};
 use slamd_protocol::Setting;
 use std::f64::consts::TAU;
 
-/// Counts are judged in steps of this much board time, microseconds.
+/// Time step for comparing counts, microseconds of board time.
 const STEP_US: u32 = 250_000;
-/// Less than this, by the mean of both wheels, is no motion, metres.
+/// Least path that counts as motion, mean of both wheels, metres.
 const MIN_PATH_M: f64 = 0.1;
-/// What a hand pushes in a test; more is a drive, which turns both ways.
+/// Largest path of a test by hand, metres; a longer path is a drive, which turns both ways.
 const MAX_PUSHED_M: f64 = 2.0;
-/// A wheel with less than this share of the other's path does not count.
+/// A wheel with less than this share of the other's path is dead.
 const DEAD: f64 = 0.02;
-/// Wheels that roll straight ahead differ by less.
+/// Largest relative difference of the wheels on a straight path.
 const MAX_UNEQUAL: f64 = 0.15;
 
-/// Ticks rolled, by the kind of step, as `[left, right]`.
+/// Ticks by kind of step, as `[left, right]`.
 #[derive(Default)]
 struct Rolled {
     forward: [f64; 2],
     backward: [f64; 2],
-    /// Left back, right ahead: a turn to the left where the wheels are right.
+    /// Left backwards, right forwards: a left turn if the encoders are correct.
     left: [f64; 2],
     right: [f64; 2],
 }
 
-/// The encoders' counts.
+/// Evidence about the wheels.
 #[derive(Default)]
 pub(super) struct WheelEvidence {
     last: Option<(u32, [i32; 2])>,
@@ -42,7 +42,7 @@ impl WheelEvidence {
     pub(super) fn counts(&mut self, t_us: u32, left: i32, right: i32) {
         let (then_us, [last_left, last_right]) = *self.last.get_or_insert((t_us, [left, right]));
         let since_us = t_us.wrapping_sub(then_us);
-        // A message that was latched before the last one is late.
+        // Skips a late message, whose counts are older than the last ones.
         if !(STEP_US..=u32::MAX / 2).contains(&since_us) {
             return;
         }
@@ -61,17 +61,17 @@ impl WheelEvidence {
         }
     }
 
-    /// The counts begin anew.
+    /// The counts restarted.
     pub(super) fn restart(&mut self) {
         self.last = None;
     }
 
-    /// How far the wheels rolled, metres, by their mean.
+    /// Path of the wheels, mean of both, metres.
     pub(super) fn path_m(&self, robot: &RobotConfig, board: &Board) -> f64 {
         mean(self.path) * metres_per_tick(robot, board)
     }
 
-    /// `is_set` tells whether a setting of the board is on now.
+    /// The findings; `is_set` returns whether a setting of the board is on.
     pub(super) fn findings(
         &self,
         robot: &RobotConfig,
@@ -83,7 +83,7 @@ impl WheelEvidence {
             return vec![Finding::new(
                 Level::Note,
                 "wheels.still",
-                "the robot did not move: nothing is known of its wheels, nor of sensors that always read the same",
+                "the robot did not move, so its wheels and stuck sensors cannot be checked",
                 "push the robot forward 30 cm while this runs, then turn it left on the spot",
             )];
         }
@@ -142,14 +142,14 @@ impl WheelEvidence {
         ))
     }
 
-    /// Which wheel is which, as far as a turn shows it.
+    /// Whether left and right are swapped, if the robot turned.
     fn sides(&self, robot: &RobotConfig, board: &Board, path_m: f64, swapped: &str) -> Option<Finding> {
         let scale = metres_per_tick(robot, board);
         let (left_m, right_m) = (mean(self.rolled.left) * scale, mean(self.rolled.right) * scale);
         let degrees = |rolled_m: f64| (2.0 * rolled_m / robot.wheel_base_m).to_degrees();
         let (left_deg, right_deg) = (degrees(left_m), degrees(right_m));
         if left_deg.max(right_deg) < 30.0 {
-            let text = "the robot was not turned on the spot: which wheel is left is not known";
+            let text = "the robot was not turned on the spot, so swapped wheels cannot be detected";
             let fix = "after the push, turn the robot left (counter-clockwise) by a quarter while this runs";
             return Some(Finding::new(Level::Note, "wheels.sides", text, fix));
         }
@@ -172,7 +172,7 @@ impl WheelEvidence {
     }
 }
 
-/// How alike the wheels count while both roll ahead.
+/// Compares the wheels' counts while both roll forwards.
 fn equal(forward: [f64; 2], path_m: f64) -> Finding {
     let [left, right] = forward;
     let ratio = left / right.max(1.0);
@@ -188,7 +188,7 @@ fn mean([left, right]: [f64; 2]) -> f64 {
     0.5 * (left + right)
 }
 
-/// Where nobody knows the ticks, those of the protocol's default.
+/// Metres per tick; without a configured or reported number of ticks, the protocol's default.
 fn metres_per_tick(robot: &RobotConfig, board: &Board) -> f64 {
     let ticks = robot.ticks_per_turn.or_else(|| board.ticks_per_turn());
     let ticks = ticks.map_or_else(|| f64::from(Setting::TicksPerTurn.default()), f64::from);

@@ -28,7 +28,7 @@ impl Window {
         Self { area, centre, dot_m }
     }
 
-    /// The smallest dot with which a piece of the plane fits into an area, metres.
+    /// Minimum size of a dot with which a piece of the plane fits into an area, metres.
     pub(super) fn fitting(area: Rect, width_m: f64, height_m: f64) -> f64 {
         let dots = |cells: u16, each: u16| f64::from((cells * each).max(1));
         (width_m / dots(area.width, ACROSS)).max(height_m / dots(area.height, DOWN))

@@ -9,7 +9,7 @@ use ratatui::style::{Color, Modifier};
 use ratatui::text::{Line, Span, Text};
 use ratatui::widgets::{Block, Paragraph, Widget as _, Wrap};
 
-/// The smallest screen on which everything is legible, columns.
+/// Minimum width of a legible screen, columns.
 pub const MIN_WIDTH: u16 = 80;
 /// The same, rows.
 pub const MIN_HEIGHT: u16 = 24;

@@ -1,4 +1,4 @@
-//! Where the broker is.
+//! The broker's address.
 
 use std::fmt;
 use std::str::FromStr;
@@ -6,18 +6,18 @@ use std::str::FromStr;
 /// A broker's address.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Broker {
-    /// A name or an IP address, an IPv6 one without brackets.
+    /// A name or an IP address; an IPv6 address has no brackets here.
     pub host: String,
     /// The TCP port.
     pub port: u16,
 }
 
-/// Not a broker's address.
+/// Text that is not a broker's address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("it must be HOST or HOST:PORT, such as homeassistant.local, 192.168.1.5:1883 or [fd00::1]:1883")]
 pub struct BrokerError;
 
-/// MQTT's port.
+/// MQTT's default port.
 const PORT: u16 = 1883;
 
 impl FromStr for Broker {
@@ -34,7 +34,7 @@ impl FromStr for Broker {
     }
 }
 
-/// Host and port, where there is one, as they stand.
+/// Splits the host from the port, if there is one.
 fn split(text: &str) -> Option<(&str, Option<&str>)> {
     if let Some(rest) = text.strip_prefix('[') {
         let (host, rest) = rest.split_once(']')?;
@@ -48,7 +48,7 @@ fn split(text: &str) -> Option<(&str, Option<&str>)> {
 }
 
 impl Broker {
-    /// The host as it stands before a port.
+    /// The host as written in front of a port.
     #[must_use]
     pub fn quoted_host(&self) -> String {
         if self.host.contains(':') { format!("[{}]", self.host) } else { self.host.clone() }
@@ -68,14 +68,14 @@ mod tests {
     #[test]
     fn hosts_with_and_without_a_port_are_understood() {
         let read = |text: &str| text.parse::<Broker>().map(|broker| broker.to_string());
-        for (text, place) in [
+        for (text, address) in [
             ("homeassistant.local", "homeassistant.local:1883"),
             ("192.168.1.5:1884", "192.168.1.5:1884"),
             ("[fd00::1]", "[fd00::1]:1883"),
             ("[::1]:1884", "[::1]:1884"),
             ("::1", "[::1]:1883"),
         ] {
-            assert_eq!(read(text).as_deref(), Ok(place));
+            assert_eq!(read(text).as_deref(), Ok(address));
         }
         for text in ["", ":1883", "host:", "host:0", "host:70000", "host:mqtt", "mqtt://host", "a b", "[::1]x", "[::1"]
         {

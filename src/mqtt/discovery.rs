@@ -1,16 +1,16 @@
-//! The messages by which Home Assistant finds the robot: one device with its map, pose, link and sensors.
+//! Discovery messages for Home Assistant: one device with its map, pose, link and sensors.
 //!
-//! <https://www.home-assistant.io/integrations/mqtt/#mqtt-discovery>; `tests/doors/mqtt.rs` has the keys that it demands.
+//! <https://www.home-assistant.io/integrations/mqtt/#mqtt-discovery>; `tests/doors/mqtt.rs` checks the required keys.
 
 use super::names::Names;
 use serde_json::{Value, json};
 use slamd_core::link::LinkState;
 
-/// No board has more.
+/// The protocol's largest number of sensors.
 const MAX_SENSORS: usize = 32;
 
-/// Topic and payload of each entity's description, for a ring of `sensors`, 0 while it is not known. The payload is empty, which removes the entity,
-/// for sensors that another ring may have had.
+/// Topic and payload of each entity's description for a ring of `sensors`, 0 while the ring is unknown. Sensors beyond the ring get an empty
+/// payload, which removes entities that an earlier ring left behind.
 #[must_use]
 pub fn discovery(names: &Names, sensors: usize) -> Vec<(String, String)> {
     let mut messages = vec![map(names)];
@@ -85,7 +85,7 @@ fn sensor(names: &Names, sensor: usize) -> (String, String) {
     entity(names, "binary_sensor", &format!("sensor_{sensor}"), description)
 }
 
-/// With what all entities share.
+/// Adds the keys that all entities share.
 fn entity(names: &Names, component: &str, id: &str, mut description: Value) -> (String, String) {
     description["unique_id"] = format!("{}_{id}", names.device()).into();
     description["availability_topic"] = names.topic("availability").into();

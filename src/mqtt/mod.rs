@@ -1,16 +1,16 @@
-//! The robot in Home Assistant: what it knows, published to an MQTT broker, with the messages by which Home Assistant finds it.
+//! The robot in Home Assistant: publishes map, pose, link and faults to an MQTT broker, with discovery messages.
 //!
-//! `session → Tap → Mailbox → (thread) MqttPublisher → Bulletin → broker`
+//! `session → Tap → Mailbox → (thread) MqttPublisher → Published → broker`
 //!
-//! Once a second the thread asks for the newest snapshot, as a client of `src/api` does, and publishes what has changed in it; the pipeline's thread
-//! answers when it comes by, and never waits. A broker that is away is tried again for ever, and told everything anew when it is back.
-//! `docs/home-assistant.md` has the topics.
+//! Once a second the thread requests the newest snapshot, as a client of `src/api` does, and publishes what has changed in it. The pipeline's
+//! thread never waits. A lost connection is retried without limit; after each new connection everything is published again.
+//! `docs/home-assistant.md` lists the topics.
 
 mod broker;
-mod bulletin;
 mod discovery;
 mod names;
 mod password;
+mod published;
 mod publisher;
 mod snapshot;
 

@@ -1,39 +1,39 @@
 //! Topics and ids of one robot.
 
-/// The names under which a robot is published.
+/// Topics and ids of a robot.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Names {
-    /// The robot's name as people read it.
+    /// The robot's name for display.
     pub title: String,
     robot: String,
 }
 
-/// A longer name is cut.
-const LONGEST: usize = 64;
+/// Longest robot id, characters; a longer name is cut.
+const MAX_LENGTH: usize = 64;
 
 impl Names {
-    /// For a robot of this name: lower case, and `_` for whatever is neither letter nor digit, as Home Assistant wants its ids.
+    /// Names for a robot. Its id is in lower case, with `_` for all other characters than letters and digits, as Home Assistant requires.
     #[must_use]
     pub fn new(robot: &str) -> Self {
         let plain = |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' };
-        let id: String = robot.chars().map(plain).take(LONGEST).collect();
+        let id: String = robot.chars().map(plain).take(MAX_LENGTH).collect();
         let id = id.trim_matches('_');
         Self { title: robot.into(), robot: if id.is_empty() { "robot".into() } else { id.into() } }
     }
 
-    /// Unique among all that is in Home Assistant.
+    /// The device's id, unique in Home Assistant.
     #[must_use]
     pub fn device(&self) -> String {
         format!("slamd_{}", self.robot)
     }
 
-    /// Where something of the robot is published, such as `slamd/robot/pose`.
+    /// A topic of the robot, such as `slamd/robot/pose`.
     #[must_use]
     pub fn topic(&self, what: &str) -> String {
         format!("slamd/{}/{what}", self.robot)
     }
 
-    /// Where Home Assistant looks for an entity's description.
+    /// The discovery topic of an entity.
     #[must_use]
     pub fn config_topic(&self, component: &str, entity: &str) -> String {
         format!("homeassistant/{component}/{}/{entity}/config", self.device())
@@ -45,7 +45,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_what_home_assistant_takes() {
+    fn names_are_valid_for_home_assistant() {
         let topic = |robot: &str| Names::new(robot).topic("pose");
         assert_eq!(topic("robot"), "slamd/robot/pose");
         assert_eq!(topic("Erna's #1/+"), "slamd/erna_s__1/pose");

@@ -1,10 +1,10 @@
-//! The broker's password: read from a file, shown nowhere.
+//! The broker's password: read from a file, never shown.
 
 use slamd_files::private;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// A password. It is printed as a word that is not it.
+/// A password; its debug form hides it.
 #[derive(Clone)]
 pub struct Password(String);
 
@@ -22,7 +22,7 @@ impl Password {
     /// Reads a password file: its first line is the password.
     ///
     /// # Errors
-    /// Where it cannot be read, others than its owner may read it, or its first line is empty.
+    /// When the file cannot be read, when other users may read it, or when its first line is empty.
     pub fn read(path: &Path) -> Result<Self, PasswordError> {
         let failure = |cause: String| PasswordError { path: path.into(), cause };
         let line = private::first_line(path).map_err(failure)?;
@@ -32,7 +32,7 @@ impl Password {
         Ok(Self(line))
     }
 
-    /// The password itself, for the broker alone.
+    /// The password itself, for the broker.
     pub(super) fn reveal(&self) -> &str {
         &self.0
     }

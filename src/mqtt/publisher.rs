@@ -1,10 +1,10 @@
-//! The thread that carries moments to the broker.
+//! The thread that publishes snapshots to the broker.
 
 use super::broker::Broker;
-use super::bulletin::Bulletin;
 use super::discovery::discovery;
 use super::names::Names;
 use super::password::Password;
+use super::published::Published;
 use super::snapshot::messages;
 use crate::api::{Mailbox, Snapshot, Tap};
 use crate::priority;
@@ -22,16 +22,16 @@ use tokio::sync::oneshot;
 use tokio::task::{LocalSet, spawn_local};
 use tokio::time::{Instant, MissedTickBehavior, interval, sleep, timeout};
 
-/// Who slamd is to the broker.
+/// The account at the broker.
 #[derive(Clone, Debug)]
 pub struct Account {
     /// The user's name.
     pub user: String,
-    /// Its password; none where the broker wants none.
+    /// The password; none if the broker needs none.
     pub password: Option<Password>,
 }
 
-/// Publishes a session, from a thread of its own, until it is dropped.
+/// Publishes a session from its own thread until it is dropped.
 #[derive(Debug)]
 pub struct MqttThread {
     mailbox: Arc<Mailbox>,
@@ -39,24 +39,24 @@ pub struct MqttThread {
     thread: Option<JoinHandle<()>>,
 }
 
-/// From one snapshot to the next.
-const EVERY: Duration = Duration::from_secs(1);
-/// From one picture of the map to the next, in moments: drawing it takes a small board a while.
-const MAP_EVERY: u32 = 10;
-/// The session answers within this, or there is nothing new: it comes by at least every 2.5 s.
-const ANSWER: Duration = Duration::from_secs(4);
-/// A broker that is away is tried again after this long, then twice as long, up to the last.
+/// Period of snapshots.
+const PERIOD: Duration = Duration::from_secs(1);
+/// Period of map images, in snapshots: drawing one takes a small board some time.
+const MAP_PERIOD: u32 = 10;
+/// A live session answers within this: its loop runs at least every 2.5 s.
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(4);
+/// The first wait before a reconnection; it doubles up to the last.
 const FIRST_RETRY: Duration = Duration::from_secs(1);
 const LAST_RETRY: Duration = Duration::from_secs(30);
-/// Whoever does not answer a ping within this is gone; the broker thinks the same of slamd after half as much again.
+/// MQTT keep-alive interval: the client pings this often, and the broker drops it after 1.5 intervals of silence.
 const KEEP_ALIVE: Duration = Duration::from_secs(10);
-const CONNECT_S: u64 = 5;
-/// How long the last words may take.
-const LAST_WORDS: Duration = Duration::from_secs(2);
-/// Messages that wait for the broker: all that a ring of 32 has to say, twice.
-const ROOM: usize = 256;
-/// A picture is well below.
-const LARGEST_BYTES: usize = 8 << 20;
+const CONNECT_TIMEOUT_S: u64 = 5;
+/// Time to send "offline" and to disconnect at the end.
+const CLOSE_TIMEOUT: Duration = Duration::from_secs(2);
+/// Length of the client's message queue: twice the messages of a ring of 32 sensors.
+const QUEUE: usize = 256;
+/// Largest MQTT packet, bytes; a map image is much smaller.
+const MAX_PACKET_BYTES: usize = 8 << 20;
 
 impl MqttThread {
     /// Begins to publish the session of the robot of this name.
@@ -73,24 +73,24 @@ impl MqttThread {
             let mailbox = Arc::clone(&mailbox);
             std::thread::Builder::new().name("mqtt".into()).spawn(move || {
                 priority::background();
-                let (client, mut events) = AsyncClient::new(options, ROOM);
-                events.network_options.set_connection_timeout(CONNECT_S);
+                let (client, mut events) = AsyncClient::new(options, QUEUE);
+                events.network_options.set_connection_timeout(CONNECT_TIMEOUT_S);
                 let connection = Rc::new(Connection::default());
                 LocalSet::new().block_on(&runtime, async move {
-                    let carrier = spawn_local(carry(events, broker, Rc::clone(&connection)));
-                    MqttPublisher::new(names, client, Rc::clone(&connection)).work(&mailbox, is_over).await;
+                    let transport = spawn_local(drive(events, broker, Rc::clone(&connection)));
+                    MqttPublisher::new(names, client, Rc::clone(&connection)).run(&mailbox, is_over).await;
                     if connection.is_up.get() {
-                        let _ = timeout(LAST_WORDS, carrier).await;
+                        let _ = timeout(CLOSE_TIMEOUT, transport).await;
                     }
                 });
-                // A name that is still being looked up is not waited for.
+                // Does not wait for a pending DNS lookup.
                 runtime.shutdown_background();
             })?
         };
         Ok(Self { mailbox, end: Some(end), thread: Some(thread) })
     }
 
-    /// What looks at the session of this robot.
+    /// The tap that copies the session of this robot.
     #[must_use]
     pub fn tap(&self, robot: &str) -> Tap {
         Tap::new(Arc::clone(&self.mailbox), robot.into())
@@ -108,7 +108,7 @@ impl Drop for MqttThread {
 
 fn options(broker: &Broker, account: Option<&Account>, names: &Names) -> MqttOptions {
     let mut options = MqttOptions::new(names.device(), broker.quoted_host(), broker.port);
-    options.set_keep_alive(KEEP_ALIVE).set_max_packet_size(LARGEST_BYTES, LARGEST_BYTES);
+    options.set_keep_alive(KEEP_ALIVE).set_max_packet_size(MAX_PACKET_BYTES, MAX_PACKET_BYTES);
     options.set_last_will(LastWill::new(names.topic("availability"), "offline", QoS::AtLeastOnce, true));
     if let Some(account) = account {
         options.set_credentials(&account.user, account.password.as_ref().map_or("", Password::reveal));
@@ -116,37 +116,37 @@ fn options(broker: &Broker, account: Option<&Account>, names: &Names) -> MqttOpt
     options
 }
 
-/// How it fares with the broker.
+/// State of the connection to the broker.
 #[derive(Debug, Default)]
 struct Connection {
     is_up: Cell<bool>,
-    /// Since the last connection nothing has been told yet.
+    /// Nothing was published on this connection yet.
     is_new: Cell<bool>,
     is_ending: Cell<bool>,
 }
 
-/// Carries messages, and connects for as long as it takes.
-async fn carry(mut events: EventLoop, broker: Broker, connection: Rc<Connection>) {
-    let (mut retry, mut last_words, mut since) = (FIRST_RETRY, String::new(), Instant::now());
+/// Drives the MQTT connection, and reconnects without limit.
+async fn drive(mut events: EventLoop, broker: Broker, connection: Rc<Connection>) {
+    let (mut retry, mut last_message, mut since) = (FIRST_RETRY, String::new(), Instant::now());
     loop {
         match events.poll().await {
             Ok(Event::Incoming(Packet::ConnAck(_))) => {
                 tracing::info!("mqtt: connected to {broker}");
-                (last_words, since) = (String::new(), Instant::now());
+                (last_message, since) = (String::new(), Instant::now());
                 connection.is_up.set(true);
                 connection.is_new.set(true);
             }
             Ok(_) => {}
             Err(_) if connection.is_ending.get() => return,
             Err(error) => {
-                // Who lets slamd in and throws it out at once is not asked each second.
+                // Only a connection that lasted resets the wait, so that a broker that disconnects at once is not tried each second.
                 if connection.is_up.replace(false) && since.elapsed() > LAST_RETRY {
                     retry = FIRST_RETRY;
                 }
-                let words = explained(&error);
-                if words != last_words {
-                    tracing::warn!("mqtt: {broker}: {words}; it is tried again until it works");
-                    last_words = words;
+                let message = explained(&error);
+                if message != last_message {
+                    tracing::warn!("mqtt: {broker}: {message}; retrying");
+                    last_message = message;
                 }
                 sleep(retry).await;
                 retry = (retry * 2).min(LAST_RETRY);
@@ -160,30 +160,30 @@ fn explained(error: &ConnectionError) -> String {
     match error {
         ConnectionError::ConnectionRefused(
             ConnectReturnCode::BadUserNamePassword | ConnectReturnCode::NotAuthorized,
-        ) => "it refuses user or password: give --mqtt-user and --mqtt-password-file as the broker knows them".into(),
+        ) => "user or password refused: check --mqtt-user and --mqtt-password-file".into(),
         error => error.to_string(),
     }
 }
 
-/// Writes the messages.
+/// Publishes the messages.
 struct MqttPublisher {
     names: Names,
     client: AsyncClient,
     connection: Rc<Connection>,
-    bulletin: Bulletin,
+    published: Published,
     sketch: Sketch,
-    /// Moments until the next picture of the map.
+    /// Snapshots until the next map image.
     until_map: u32,
 }
 
 impl MqttPublisher {
     fn new(names: Names, client: AsyncClient, connection: Rc<Connection>) -> Self {
-        Self { names, client, connection, bulletin: Bulletin::default(), sketch: Sketch::default(), until_map: 0 }
+        Self { names, client, connection, published: Published::default(), sketch: Sketch::default(), until_map: 0 }
     }
 
-    /// Works until the end, and says that it is.
-    async fn work(mut self, mailbox: &Mailbox, mut is_over: oneshot::Receiver<()>) {
-        let mut ticks = interval(EVERY);
+    /// Publishes until the end, then publishes "offline".
+    async fn run(mut self, mailbox: &Mailbox, mut is_over: oneshot::Receiver<()>) {
+        let mut ticks = interval(PERIOD);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
             tokio::select! {
@@ -196,9 +196,9 @@ impl MqttPublisher {
                 mailbox.ask_map();
             }
             tokio::select! {
-                answer = timeout(ANSWER, mailbox.next()) => {
+                answer = timeout(ANSWER_TIMEOUT, mailbox.next()) => {
                     let Ok((snapshot, map)) = answer else { continue };
-                    self.tell(&snapshot, map.map(|(_, raster)| raster));
+                    self.publish_snapshot(&snapshot, map.map(|(_, raster)| raster));
                 }
                 _ = &mut is_over => break,
             }
@@ -210,7 +210,7 @@ impl MqttPublisher {
         let _ = self.client.try_disconnect();
     }
 
-    fn tell(&mut self, snapshot: &Snapshot, map: Option<Raster>) {
+    fn publish_snapshot(&mut self, snapshot: &Snapshot, map: Option<Raster>) {
         if let Some(estimate) = &snapshot.estimate {
             self.sketch.estimate(estimate);
         }
@@ -218,9 +218,9 @@ impl MqttPublisher {
             return;
         }
         if self.connection.is_new.replace(false) {
-            self.bulletin.forget();
+            self.published.clear();
         }
-        let dropped = self.bulletin.dropped;
+        let dropped = self.published.dropped;
         for (topic, payload) in discovery(&self.names, snapshot.ring.len()) {
             self.publish_at(topic, payload.into());
         }
@@ -231,8 +231,8 @@ impl MqttPublisher {
         if let Some(raster) = map.filter(|raster| !raster.occupancy.is_empty()) {
             self.draw(snapshot, &raster);
         }
-        if self.bulletin.dropped > dropped {
-            tracing::warn!("mqtt: the broker is slow: {} messages have had no room so far", self.bulletin.dropped);
+        if self.published.dropped > dropped {
+            tracing::warn!("mqtt: the broker is slow: {} messages dropped so far", self.published.dropped);
         }
     }
 
@@ -247,7 +247,7 @@ impl MqttPublisher {
         match self.sketch.draw(around) {
             Ok(picture) => {
                 self.publish("map", picture.into());
-                self.until_map = MAP_EVERY;
+                self.until_map = MAP_PERIOD;
             }
             Err(error) => tracing::warn!("mqtt: the map cannot be drawn: {error}"),
         }
@@ -257,10 +257,11 @@ impl MqttPublisher {
         self.publish_at(self.names.topic(what), payload);
     }
 
-    /// Retained: whoever comes later is told, too.
+    /// Publishes a retained message, which later subscribers receive too.
     fn publish_at(&mut self, topic: String, payload: Bytes) {
         let client = &self.client;
-        self.bulletin
-            .tell(topic, payload, |topic, payload| client.try_publish(topic, QoS::AtLeastOnce, true, payload).is_ok());
+        self.published.update(topic, payload, |topic, payload| {
+            client.try_publish(topic, QoS::AtLeastOnce, true, payload).is_ok()
+        });
     }
 }

@@ -4,7 +4,7 @@ use super::names::Names;
 use serde_json::json;
 use slamd_core::{FaultEvent, SensorState, Snapshot};
 
-/// Topic and payload of all that is known at this snapshot, the map apart.
+/// Topic and payload of everything in the snapshot except the map.
 pub(super) fn messages(names: &Names, snapshot: &Snapshot) -> Vec<(String, String)> {
     let mut messages = vec![
         (names.topic("link"), snapshot.link.word().to_owned()),
@@ -29,7 +29,7 @@ pub(super) fn messages(names: &Names, snapshot: &Snapshot) -> Vec<(String, Strin
     messages
 }
 
-/// What is wrong with a sensor, if anything is.
+/// A sensor's state and the fault's reason, as JSON.
 fn attributes(fault: Option<&FaultEvent>) -> String {
     let state = match fault.map(|fault| fault.state) {
         Some(SensorState::Faulty(kind)) => kind.word(),
@@ -38,12 +38,12 @@ fn attributes(fault: Option<&FaultEvent>) -> String {
     json!({ "state": state, "reason": fault.map_or("", |fault| &fault.reason) }).to_string()
 }
 
-/// As Home Assistant's binary sensors have it.
+/// The payload of a binary sensor in Home Assistant.
 fn word(is_on: bool) -> String {
     if is_on { "ON" } else { "OFF" }.into()
 }
 
-/// To so many parts of one: a robot that stands still is told once. Zero has no sign.
+/// Rounds to `1 / parts`, so that a robot at rest is published once. Adding 0.0 removes the sign of zero.
 fn rounded(value: f64, parts: f64) -> f64 {
     libm::round(value * parts) / parts + 0.0
 }
@@ -55,13 +55,13 @@ mod tests {
     use slamd_core::{Estimate, FaultKind, Pose2, Ring, Timestamp};
 
     #[test]
-    fn what_is_not_known_is_not_said_and_the_rest_in_plain_words() {
+    fn only_known_values_are_published() {
         let names = Names::new("robot");
         let mut snapshot = Snapshot { cause: "port missing".into(), ..Snapshot::default() };
-        let told = messages(&names, &snapshot);
-        assert_eq!(told[0], ("slamd/robot/link".into(), "searching".into()));
-        assert_eq!(told[1].1, r#"{"cause":"port missing"}"#);
-        assert_eq!(told.len(), 2);
+        let found = messages(&names, &snapshot);
+        assert_eq!(found[0], ("slamd/robot/link".into(), "searching".into()));
+        assert_eq!(found[1].1, r#"{"cause":"port missing"}"#);
+        assert_eq!(found.len(), 2);
 
         snapshot.ring = Ring::circle(2, 0.1, 0.1, 1);
         let (at, state) = (Timestamp::default(), SensorState::Faulty(FaultKind::Stuck));
@@ -75,7 +75,7 @@ mod tests {
             odometry: Pose2::default(),
             nis: 1.0,
         });
-        let told: Vec<_> = messages(&names, &snapshot).into_iter().skip(2).collect();
+        let found: Vec<_> = messages(&names, &snapshot).into_iter().skip(2).collect();
         let expected = [
             ("pose", r#"{"heading_deg":60.0,"x_m":1.23,"y_m":0.0}"#),
             ("position_uncertain", "ON"),
@@ -84,6 +84,6 @@ mod tests {
             ("sensor/1/attributes", r#"{"reason":"always 1 m","state":"stuck"}"#),
             ("sensor/1", "ON"),
         ];
-        assert_eq!(told, expected.map(|(topic, payload)| (names.topic(topic), payload.to_owned())));
+        assert_eq!(found, expected.map(|(topic, payload)| (names.topic(topic), payload.to_owned())));
     }
 }

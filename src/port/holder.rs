@@ -1,4 +1,4 @@
-//! Who has a device open.
+//! The programs that have a device open.
 
 use serde::Serialize;
 use std::os::unix::fs::MetadataExt as _;
@@ -7,7 +7,7 @@ use std::path::Path;
 /// A program that has a device open.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 pub struct Holder {
-    /// Its process.
+    /// The process id.
     pub pid: u32,
     /// Its name.
     pub name: String,
@@ -19,7 +19,7 @@ impl std::fmt::Display for Holder {
     }
 }
 
-/// The other programs that have the device open, as far as this user may see: its own and, for root, all.
+/// The other programs that have the device open. Root sees all of them, another user only its own.
 #[must_use]
 pub fn holders(path: &Path) -> Vec<Holder> {
     let Ok(device) = std::fs::metadata(path) else { return Vec::new() };
@@ -34,12 +34,12 @@ pub fn holders(path: &Path) -> Vec<Holder> {
     holders
 }
 
-/// True where a descriptor of the process is this file.
+/// True if the process has this file open.
 fn has_open(pid: u32, file: (u64, u64)) -> bool {
     let Ok(descriptors) = std::fs::read_dir(format!("/proc/{pid}/fd")) else { return false };
     descriptors
         .flatten()
-        // Only links into /dev are followed: elsewhere a file system may hang.
+        // Follows only links into /dev: another file system may hang.
         .filter(|descriptor| std::fs::read_link(descriptor.path()).is_ok_and(|target| target.starts_with("/dev")))
         .any(|descriptor| {
             std::fs::metadata(descriptor.path()).is_ok_and(|metadata| (metadata.dev(), metadata.ino()) == file)

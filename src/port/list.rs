@@ -1,10 +1,10 @@
-//! The serial ports there are, from what the kernel tells of them.
+//! Lists the serial ports that the kernel knows.
 
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Who a USB device says it is.
+/// The identity of a USB device.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct UsbId {
     /// Vendor.
@@ -13,14 +13,14 @@ pub struct UsbId {
     pub pid: u16,
     /// Serial number.
     pub serial: Option<String>,
-    /// Vendor, in words.
+    /// Vendor's name.
     pub manufacturer: Option<String>,
-    /// Product, in words.
+    /// Product's name.
     pub product: Option<String>,
 }
 
 impl UsbId {
-    /// The name by which `--port` finds it wherever it is plugged in.
+    /// A name for `--port` that does not depend on the USB socket.
     #[must_use]
     pub fn port_name(&self) -> String {
         let serial = self.serial.as_ref().map(|serial| format!(":{serial}")).unwrap_or_default();
@@ -33,15 +33,15 @@ impl UsbId {
 pub struct PortInfo {
     /// The device.
     pub path: PathBuf,
-    /// The name that stays the same wherever it is plugged in.
+    /// The device's persistent name.
     pub by_id: Option<PathBuf>,
-    /// Who it is, where it hangs on USB.
+    /// The USB device, if it is one.
     pub usb: Option<UsbId>,
     /// The kernel's driver.
     pub driver: Option<String>,
 }
 
-/// The folders in which ports are looked for.
+/// The folders that describe the ports; tests have their own.
 #[derive(Clone, Debug)]
 pub struct Roots {
     /// The kernel's description of the machine.
@@ -75,7 +75,7 @@ impl Roots {
                 let driver = std::fs::read_link(device.join("driver")).ok();
                 let driver = driver.and_then(|driver| Some(driver.file_name()?.to_str()?.to_owned()));
                 let path = self.dev.join(terminal.file_name());
-                // The kernel keeps the names of UARTs that the machine does not have.
+                // The kernel also names UARTs that the machine does not have.
                 let is_absent = text(&terminal.path().join("type")).as_deref() == Some("0");
                 (!is_absent && path.exists()).then(|| PortInfo {
                     by_id: by_id.get(&path).cloned(),
@@ -89,7 +89,7 @@ impl Roots {
         ports
     }
 
-    /// The lasting name of each device.
+    /// The persistent name of each device.
     fn by_id(&self) -> BTreeMap<PathBuf, PathBuf> {
         let Ok(links) = std::fs::read_dir(self.dev.join("serial/by-id")) else { return BTreeMap::new() };
         let links = links.flatten().map(|link| link.path());
@@ -110,7 +110,7 @@ fn usb(device: &Path) -> Option<UsbId> {
     })
 }
 
-/// A line of the kernel's, without what a device may have put in to confuse a terminal.
+/// A line from the kernel without control characters, which a device could use to confuse a terminal.
 fn text(path: &Path) -> Option<String> {
     let text: String = std::fs::read_to_string(path).ok()?.trim().chars().filter(|c| !c.is_control()).collect();
     (!text.is_empty()).then_some(text)
@@ -153,7 +153,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn ports_are_listed_with_who_they_are() {
+    fn ports_are_listed_with_their_identity() {
         let folder = tempfile::tempdir().unwrap();
         let roots = machine(folder.path());
         let ports = roots.list();

@@ -1,14 +1,14 @@
-//! What the user calls a port.
+//! Port names as the user gives them.
 
-use super::{PortInfo, Roots, Trouble};
+use super::{PortError, PortInfo, Roots};
 use std::path::{Path, PathBuf};
 
-/// A port's name as given to `--port`: it means whatever port fits it at the moment of opening.
+/// A port's name as given to `--port`. It is resolved each time the port is opened.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum PortName {
     /// A device, or a link to one such as those below `/dev/serial/by-id`.
     Path(PathBuf),
-    /// The USB device of this vendor and product, and of this serial number where one is given.
+    /// The USB device with this vendor, product and, if given, serial number.
     Usb {
         /// Vendor.
         vid: u16,
@@ -17,11 +17,11 @@ pub enum PortName {
         /// Serial number.
         serial: Option<String>,
     },
-    /// The only USB serial port there is.
+    /// The only USB serial port.
     Auto,
 }
 
-/// A name that means nothing.
+/// An invalid name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "a port is a device such as /dev/ttyUSB0, or usb:VID:PID[:SERIAL] with four hexadecimal digits each such as usb:1a86:7523, or auto"
@@ -61,15 +61,15 @@ impl std::fmt::Display for PortName {
 }
 
 impl PortName {
-    /// The device that fits the name now.
+    /// The device that matches the name now.
     ///
     /// # Errors
-    /// None fits, or several do.
-    pub fn resolve(&self) -> Result<PathBuf, Trouble> {
+    /// No device matches, or several do.
+    pub fn resolve(&self) -> Result<PathBuf, PortError> {
         self.resolve_in(&Roots::default())
     }
 
-    fn resolve_in(&self, roots: &Roots) -> Result<PathBuf, Trouble> {
+    fn resolve_in(&self, roots: &Roots) -> Result<PathBuf, PortError> {
         if let Self::Path(path) = self {
             return Ok(path.clone());
         }
@@ -77,13 +77,13 @@ impl PortName {
             roots.list().into_iter().filter(|port| self.fits(port)).map(|port| port.path).collect();
         match (fitting.as_slice(), self) {
             ([path], _) => Ok(path.clone()),
-            ([], Self::Auto) => Err(Trouble::Missing { name: "USB serial port".into() }),
-            ([], _) => Err(Trouble::Missing { name: self.to_string() }),
-            _ => Err(Trouble::Several { name: self.to_string(), ports: fitting }),
+            ([], Self::Auto) => Err(PortError::Missing { name: "USB serial port".into() }),
+            ([], _) => Err(PortError::Missing { name: self.to_string() }),
+            _ => Err(PortError::Several { name: self.to_string(), ports: fitting }),
         }
     }
 
-    /// True where the port may be meant.
+    /// True if the port matches the name.
     fn fits(&self, port: &PortInfo) -> bool {
         match (self, &port.usb) {
             (Self::Path(path), _) => path == Path::new(&port.path),
@@ -102,7 +102,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_read_and_written_alike() {
+    fn names_survive_the_round_trip() {
         for text in ["auto", "/dev/ttyUSB0", "usb:1a86:7523", "usb:2341:0042:757:3530", "robot"] {
             assert_eq!(text.parse::<PortName>().unwrap().to_string(), text);
         }
@@ -112,14 +112,14 @@ mod tests {
     }
 
     #[test]
-    fn a_name_means_the_port_that_fits_it_now() {
+    fn a_name_resolves_to_the_port_that_matches_now() {
         let folder = tempfile::tempdir().unwrap();
         let roots = machine(folder.path());
         let resolve = |name: &str| name.parse::<PortName>().unwrap().resolve_in(&roots);
         assert!(resolve("usb:2341:0042").unwrap().ends_with("ttyACM0"));
         assert!(resolve("usb:2341:0042:7573530").unwrap().ends_with("ttyACM0"));
-        assert_eq!(resolve("usb:2341:0042:1"), Err(Trouble::Missing { name: "usb:2341:0042:1".into() }));
-        assert!(matches!(resolve("auto"), Err(Trouble::Several { ports, .. }) if ports.len() == 2));
+        assert_eq!(resolve("usb:2341:0042:1"), Err(PortError::Missing { name: "usb:2341:0042:1".into() }));
+        assert!(matches!(resolve("auto"), Err(PortError::Several { ports, .. }) if ports.len() == 2));
         std::fs::remove_file(roots.dev.join("ttyUSB0")).unwrap();
         assert!(resolve("auto").unwrap().ends_with("ttyACM0"));
         std::fs::remove_file(roots.dev.join("ttyACM0")).unwrap();

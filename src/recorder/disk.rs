@@ -1,4 +1,4 @@
-//! Where the parts of a recording are written.
+//! The storage that the parts of a recording are written to.
 
 use slamd_files::private;
 use std::fs::File;
@@ -6,9 +6,9 @@ use std::io::{self, Write};
 use std::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
 
-/// Where the parts of a recording are written. The tests have one that fails in every way that disks do.
+/// Storage for the parts of a recording. Tests implement it with injected I/O errors.
 pub trait Disk {
-    /// A part's file. A write that fails has written nothing.
+    /// A part's file. A failed write must have written nothing.
     type File: Write;
 
     /// Creates the file of a part; 1 is the first.
@@ -23,31 +23,31 @@ pub trait Disk {
     /// When it cannot be deleted.
     fn remove(&mut self, part: u32) -> io::Result<()>;
 
-    /// Bytes that are free; none where nobody knows.
+    /// Free bytes; none if unknown.
     fn free_bytes(&mut self) -> Option<u64>;
 
-    /// The path of a part, for people.
+    /// The path of a part, for messages.
     fn path(&self, part: u32) -> PathBuf;
 }
 
-/// Files of one name in a folder of the real file system.
+/// Files with a common name in a folder of the file system.
 #[derive(Clone, Debug)]
 pub struct Folder {
     folder: PathBuf,
     stem: String,
-    /// The first part, where it has a name of its own.
+    /// The first part's path, if the user named it.
     first: Option<PathBuf>,
 }
 
 impl Folder {
-    /// A recording whose first part is `path`; should it need more, they are `NAME-0002.mcap` and so on, beside it.
+    /// A recording whose first part is `path`; further parts are `NAME-0002.mcap` and so on in the same folder.
     #[must_use]
     pub fn file(path: &Path) -> Self {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         Self { folder: path.parent().unwrap_or_else(|| Path::new("")).into(), stem, first: Some(path.into()) }
     }
 
-    /// A recording in a folder, which is created where it is missing; its parts are `NAME-0001.mcap` and so on.
+    /// A recording in a folder, which is created if missing; its parts are `NAME-0001.mcap` and so on.
     ///
     /// # Errors
     /// When the folder cannot be created.
@@ -58,14 +58,14 @@ impl Folder {
 }
 
 impl Disk for Folder {
-    type File = Placed;
+    type File = PartFile;
 
-    fn create(&mut self, part: u32) -> io::Result<Placed> {
+    fn create(&mut self, part: u32) -> io::Result<PartFile> {
         let path = self.path(part);
-        // Who names a file means it; a number that is taken belongs to another recording.
+        // A file that the user named is replaced; an existing numbered file belongs to another recording.
         let is_named = part == 1 && self.first.is_some();
         let file = if is_named { private::create_file(&path)? } else { private::create_new_file(&path)? };
-        Ok(Placed { is_seekable: file.metadata()?.is_file(), file, written: 0 })
+        Ok(PartFile { is_seekable: file.metadata()?.is_file(), file, written: 0 })
     }
 
     fn remove(&mut self, part: u32) -> io::Result<()> {
@@ -86,22 +86,22 @@ impl Disk for Folder {
     }
 }
 
-/// A file that is written at a place of its own: what a failed write may have left is written over.
+/// A file that keeps its own write position, so that a repeated write overwrites what a failed one left.
 #[derive(Debug)]
-pub struct Placed {
+pub struct PartFile {
     file: File,
     written: u64,
     is_seekable: bool,
 }
 
-impl Write for Placed {
+impl Write for PartFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let count = if self.is_seekable { self.file.write_at(bytes, self.written)? } else { self.file.write(bytes)? };
         self.written += count as u64;
         Ok(count)
     }
 
-    /// Waits until the disk has it all.
+    /// Syncs the file to the disk.
     fn flush(&mut self) -> io::Result<()> {
         if self.is_seekable { self.file.sync_all() } else { Ok(()) }
     }

@@ -1,6 +1,6 @@
-//! Records a live session in a thread of its own: the pipeline never waits for a disk.
+//! Records a live session in its own thread, so that the pipeline never waits for a disk.
 //!
-//! [`Tape`] is the recording as a state machine; this is the thread around it.
+//! [`Tape`] is the recording as a state machine; [`Recorder`] is the thread that runs it.
 
 #![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
 #![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
@@ -21,7 +21,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// What is recorded.
+/// A piece of traffic to record.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Chunk {
     /// Bytes read.
@@ -33,7 +33,7 @@ pub enum Chunk {
 }
 
 impl Chunk {
-    /// When it happened.
+    /// Session time of the read, the write or the opening.
     #[must_use]
     pub const fn at(&self) -> Timestamp {
         match self {
@@ -50,28 +50,28 @@ impl Chunk {
         }
     }
 
-    /// True where it has no bytes.
+    /// True if it has no bytes.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 }
 
-/// A recording under way.
+/// A running recording.
 pub struct Recorder {
     queue: SyncSender<Chunk>,
     thread: JoinHandle<Losses>,
     parts: Arc<AtomicU32>,
     parts_seen: u32,
     dropped: u64,
-    complain_at: Timestamp,
+    warn_at: Timestamp,
 }
 
-/// Chunks that may wait for a thread that hangs in the disk: minutes of them.
+/// Length of the queue to the recording thread, which may be blocked by the disk: several minutes of chunks.
 const QUEUE: usize = 65_536;
-/// A complaint is not repeated sooner.
-const COMPLAINT: Duration = Duration::from_secs(60);
-/// With nothing to write, a disk that failed is still tried.
+/// Shortest time between two warnings.
+const WARNING_PERIOD: Duration = Duration::from_secs(60);
+/// Time between two retries of a failed disk while no chunks arrive.
 const IDLE: Duration = Duration::from_secs(1);
 
 impl Recorder {
@@ -87,32 +87,35 @@ impl Recorder {
             let parts = Arc::clone(&parts);
             std::thread::spawn(move || write(tape, &chunks, &parts))
         };
-        Ok(Self { queue, thread, parts, parts_seen: 1, dropped: 0, complain_at: Timestamp::default() })
+        Ok(Self { queue, thread, parts, parts_seen: 1, dropped: 0, warn_at: Timestamp::default() })
     }
 
-    /// Records a chunk; one that the queue has no room for is counted as lost.
+    /// Records a chunk; a chunk that finds the queue full is counted as lost.
     pub fn record(&mut self, chunk: Chunk) {
         let at = chunk.at();
         if self.queue.try_send(chunk).is_ok() {
             return;
         }
         self.dropped += 1;
-        if at >= self.complain_at {
-            self.complain_at = at + COMPLAINT;
-            tracing::error!("the disk hangs: {} chunks are missing from the recording; mapping goes on", self.dropped);
+        if at >= self.warn_at {
+            self.warn_at = at + WARNING_PERIOD;
+            tracing::error!(
+                "the disk hangs: {} chunks are missing from the recording; mapping continues",
+                self.dropped
+            );
         }
     }
 
-    /// True once after another file has been begun: what it shall hold for itself must be heard anew.
+    /// True once after a new file was begun: the board's description and ring must then be requested again, so that the file can be replayed alone.
     pub fn take_new_part(&mut self) -> bool {
         let parts = self.parts.load(Ordering::Relaxed);
         std::mem::replace(&mut self.parts_seen, parts) != parts
     }
 
-    /// Writes what waits and closes the file; what the recording lacks.
+    /// Writes all waiting chunks and closes the file. Returns what the recording lacks.
     pub fn finish(self) -> Losses {
         drop(self.queue);
-        let failed = |_| Losses { chunks: 0, unfinished: Some("the recording's thread has failed".into()) };
+        let failed = |_| Losses { chunks: 0, unfinished: Some("the recording thread failed".into()) };
         let mut losses = self.thread.join().unwrap_or_else(failed);
         losses.chunks += self.dropped;
         losses
@@ -124,7 +127,7 @@ fn write(mut tape: Tape<Folder>, chunks: &Receiver<Chunk>, parts: &AtomicU32) ->
         let wait = tape.flush_in().unwrap_or(IDLE);
         match chunks.recv_timeout(wait) {
             Ok(chunk) => tape.push(chunk),
-            // Nothing came: so much later it is.
+            // No chunk arrived, so session time advanced by the wait.
             Err(RecvTimeoutError::Timeout) => tape.advance(tape.now() + wait),
             Err(RecvTimeoutError::Disconnected) => return tape.finish(),
         }

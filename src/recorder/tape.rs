@@ -1,9 +1,9 @@
-//! A recording that outlives its disk's failures: what cannot be written waits, and is written when it can be.
+//! A recording that survives disk failures: chunks that cannot be written wait in memory.
 //!
-//! A state machine: chunks and times in, bytes to a [`Disk`] out. What is read is first encoded in memory, one capture chunk ahead of the
-//! file at most, and the file takes it from there in whatever pieces it likes; a write that failed is done again at the same place. Behind
-//! that, chunks wait up to a bound; what comes when it is reached is counted as lost. So a capture is what went over the line from its
-//! beginning on, with a gap where the disk failed for longer than the bound lasts.
+//! A state machine: chunks and times go in, bytes to a [`Disk`] come out. Traffic is first encoded in memory, at most one capture chunk ahead of
+//! the file, and written from there in pieces of any size; a failed write is repeated at the same position. Further chunks wait up to a limit
+//! and are counted as lost beyond it. So a capture holds the link's whole traffic, with a gap if the disk failed for longer than the limit
+//! lasts.
 
 use super::{Chunk, Disk};
 use slamd_capture::{CaptureError, CaptureInfo, CaptureWriter};
@@ -13,16 +13,16 @@ use std::io::{self, ErrorKind, Write};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// When a recording begins another file, and when it stops for want of room.
+/// When a recording begins a new file, and how much disk space it leaves free.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Plan {
-    /// Another file is begun when one has so many bytes.
+    /// Largest size of a file, bytes.
     pub most_bytes: Option<u64>,
-    /// Another file is begun when one is so old.
+    /// Longest time in a file.
     pub most_time: Option<Duration>,
-    /// Only so many files are kept: the oldest of this recording is deleted.
+    /// Number of files to keep; older files of this recording are deleted.
     pub keep: Option<u32>,
-    /// Nothing is written while fewer bytes are free.
+    /// Writing pauses while fewer bytes are free.
     pub keep_free_bytes: u64,
 }
 
@@ -31,7 +31,7 @@ pub struct Plan {
 pub struct Losses {
     /// Chunks that were not written.
     pub chunks: u64,
-    /// Why the last file could not be closed as it should be; what is in it can be read all the same.
+    /// Why the last file could not be closed; its content can still be read.
     pub unfinished: Option<String>,
 }
 
@@ -44,14 +44,14 @@ pub struct Tape<D: Disk> {
     waiting: VecDeque<Chunk>,
     waiting_bytes: usize,
     now: Timestamp,
-    trouble: Option<Trouble>,
-    look_at_room: Timestamp,
+    outage: Option<Outage>,
+    check_space_at: Timestamp,
     lost: u64,
-    complain_at: Timestamp,
+    notice_at: Timestamp,
     notices: VecDeque<String>,
 }
 
-/// One file.
+/// One file of the recording.
 struct Part<F> {
     number: u32,
     file: F,
@@ -59,35 +59,37 @@ struct Part<F> {
     memory: Memory,
     began: Timestamp,
     written: u64,
-    /// Something was recorded in it.
+    /// The file holds a chunk.
     is_used: bool,
-    /// Chunks that are encoded and not in the file.
+    /// Chunks that are encoded but not yet in the file.
     encoded: u64,
-    /// Those of them in the capture chunk that is open.
+    /// Those of them that are in the open capture chunk.
     open: u64,
 }
 
-struct Trouble {
+/// A period in which the disk fails.
+struct Outage {
     since: Timestamp,
     retry_at: Timestamp,
     lost_before: u64,
-    is_told: bool,
+    is_reported: bool,
 }
 
-/// Payload and overhead of what may wait: three quarters of an hour at 6 kB/s.
+/// Limit on waiting chunks with their overhead, bytes: three quarters of an hour at 6 kB/s.
 const MAX_WAITING: usize = 16 << 20;
 const OVERHEAD: usize = 64;
-const RETRY: Duration = Duration::from_secs(1);
-const ROOM: Duration = Duration::from_secs(1);
-/// A file that cannot be written for so long, though there is room, is given up for another: a disk may have been taken out and put back.
+const RETRY_PERIOD: Duration = Duration::from_secs(1);
+const FREE_SPACE_PERIOD: Duration = Duration::from_secs(1);
+/// After so long a failure that is not a full disk, a new file is begun: the disk may have been removed and inserted again.
 const GIVE_UP: Duration = Duration::from_secs(10);
-const COMPLAINT: Duration = Duration::from_secs(60);
+/// Shortest time between two notices.
+const NOTICE_PERIOD: Duration = Duration::from_secs(60);
 
 impl<D: Disk> Tape<D> {
-    /// Creates the first file and writes what it says about itself.
+    /// Creates the first file and writes its header.
     ///
     /// # Errors
-    /// When that fails.
+    /// When the file cannot be created or written.
     pub fn begin(mut disk: D, info: CaptureInfo, plan: Plan) -> Result<Self, CaptureError> {
         let path = disk.path(1);
         let begun = Part::begin(&mut disk, &info, 1, Timestamp::default()).and_then(|mut part| {
@@ -102,15 +104,15 @@ impl<D: Disk> Tape<D> {
             waiting: VecDeque::new(),
             waiting_bytes: 0,
             now: Timestamp::default(),
-            trouble: None,
-            look_at_room: Timestamp::default(),
+            outage: None,
+            check_space_at: Timestamp::default(),
             lost: 0,
-            complain_at: Timestamp::default(),
+            notice_at: Timestamp::default(),
             notices: VecDeque::new(),
         })
     }
 
-    /// Records a chunk. Its time is not before that of the one in front of it.
+    /// Records a chunk. Its time must not be before the last chunk's time.
     pub fn push(&mut self, chunk: Chunk) {
         let at = chunk.at();
         let size = chunk.len() + OVERHEAD;
@@ -126,19 +128,19 @@ impl<D: Disk> Tape<D> {
     /// Writes what is due.
     pub fn advance(&mut self, now: Timestamp) {
         self.now = self.now.max(now);
-        if self.trouble.as_ref().is_some_and(|trouble| self.now < trouble.retry_at) {
+        if self.outage.as_ref().is_some_and(|outage| self.now < outage.retry_at) {
             return;
         }
         match self.write() {
-            Ok(()) => self.well(),
-            Err(error) => self.ill(&error),
+            Ok(()) => self.recovered(),
+            Err(error) => self.failed(&error),
         }
     }
 
-    /// How long after the newest chunk there is something to be written; none where there is not.
+    /// How long after the newest chunk a write is due; none if none is.
     #[must_use]
     pub fn flush_in(&self) -> Option<Duration> {
-        if self.trouble.is_some() { None } else { self.part.writer.flush_in() }
+        if self.outage.is_some() { None } else { self.part.writer.flush_in() }
     }
 
     /// The time of the last call.
@@ -147,13 +149,13 @@ impl<D: Disk> Tape<D> {
         self.now
     }
 
-    /// The number of the file that is being written.
+    /// The present file's number.
     #[must_use]
     pub const fn part(&self) -> u32 {
         self.part.number
     }
 
-    /// What is lost so far.
+    /// Chunks lost so far.
     #[must_use]
     pub const fn lost(&self) -> u64 {
         self.lost
@@ -165,7 +167,7 @@ impl<D: Disk> Tape<D> {
         self.waiting_bytes + self.part.memory.len()
     }
 
-    /// Something that a person should know; one a minute at most, and the end of what was told.
+    /// The next notice for the log: at most one failure a minute, and each recovery from a reported failure.
     pub fn poll_notice(&mut self) -> Option<String> {
         self.notices.pop_front()
     }
@@ -184,12 +186,12 @@ impl<D: Disk> Tape<D> {
     }
 
     fn write(&mut self) -> io::Result<()> {
-        self.room()?;
+        self.check_free_space()?;
         self.part.drain()?;
         while let Some(chunk) = self.waiting.front() {
             let at = chunk.at();
             if self.is_full(at) {
-                self.turn(at)?;
+                self.rotate(at)?;
                 continue;
             }
             self.waiting_bytes -= chunk.len() + OVERHEAD;
@@ -202,24 +204,24 @@ impl<D: Disk> Tape<D> {
         self.part.drain()
     }
 
-    fn room(&mut self) -> io::Result<()> {
-        if self.plan.keep_free_bytes == 0 || self.now < self.look_at_room {
+    fn check_free_space(&mut self) -> io::Result<()> {
+        if self.plan.keep_free_bytes == 0 || self.now < self.check_space_at {
             return Ok(());
         }
         match self.disk.free_bytes() {
             Some(free) if free < self.plan.keep_free_bytes => {
-                let words =
-                    format!("{} MiB are free, and {} shall stay free", free >> 20, self.plan.keep_free_bytes >> 20);
-                Err(io::Error::new(ErrorKind::StorageFull, words))
+                let text =
+                    format!("{} MiB are free, and {} must stay free", free >> 20, self.plan.keep_free_bytes >> 20);
+                Err(io::Error::new(ErrorKind::StorageFull, text))
             }
             _ => {
-                self.look_at_room = self.now + ROOM;
+                self.check_space_at = self.now + FREE_SPACE_PERIOD;
                 Ok(())
             }
         }
     }
 
-    /// True where a chunk of that time belongs into another file.
+    /// True if a chunk of this time belongs into a new file.
     fn is_full(&self, at: Timestamp) -> bool {
         let age = Duration::from_micros(at.us().saturating_sub(self.part.began.us()));
         self.part.is_used
@@ -227,9 +229,9 @@ impl<D: Disk> Tape<D> {
                 || self.plan.most_time.is_some_and(|most| age >= most))
     }
 
-    /// Closes the file and begins the next.
-    fn turn(&mut self, at: Timestamp) -> io::Result<()> {
-        // Closed only once; where the next file cannot be begun, the closing is not undone.
+    /// Closes the file and begins the next one.
+    fn rotate(&mut self, at: Timestamp) -> io::Result<()> {
+        // The file stays closed if the next one cannot be begun.
         self.part.close()?;
         self.next_part(at)
     }
@@ -245,41 +247,43 @@ impl<D: Disk> Tape<D> {
         if let Some(oldest) =
             self.plan.keep.and_then(|keep| number.checked_sub(keep.max(1))).filter(|oldest| *oldest > 0)
         {
-            // Already gone is as good.
+            // The file may have been deleted already.
             let _ = self.disk.remove(oldest);
         }
         self.part.drain()
     }
 
-    fn well(&mut self) {
-        let Some(trouble) = self.trouble.take().filter(|trouble| trouble.is_told) else { return };
-        let gap = match self.lost - trouble.lost_before {
+    /// A write succeeded.
+    fn recovered(&mut self) {
+        let Some(outage) = self.outage.take().filter(|outage| outage.is_reported) else { return };
+        let gap = match self.lost - outage.lost_before {
             0 => "nothing is missing".into(),
             lost => format!("{lost} chunks are missing"),
         };
         self.notices
-            .push_back(format!("recording goes on after {:.0} s; {gap}", self.now.seconds_since(trouble.since)));
+            .push_back(format!("recording continues after {:.0} s; {gap}", self.now.seconds_since(outage.since)));
     }
 
-    fn ill(&mut self, error: &io::Error) {
+    /// A write failed.
+    fn failed(&mut self, error: &io::Error) {
         let (now, lost) = (self.now, self.lost);
-        let trouble =
-            self.trouble.get_or_insert(Trouble { since: now, retry_at: now, lost_before: lost, is_told: false });
-        trouble.retry_at = now + RETRY;
+        let outage =
+            self.outage.get_or_insert(Outage { since: now, retry_at: now, lost_before: lost, is_reported: false });
+        outage.retry_at = now + RETRY_PERIOD;
         let is_room = !matches!(error.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded);
-        let is_hopeless = is_room && trouble.since + GIVE_UP <= now;
-        if now >= self.complain_at {
-            trouble.is_told = true;
-            self.complain_at = now + COMPLAINT;
+        let is_hopeless = is_room && outage.since + GIVE_UP <= now;
+        if now >= self.notice_at {
+            outage.is_reported = true;
+            self.notice_at = now + NOTICE_PERIOD;
             self.notices.push_back(format!(
-                "recording waits: {}: {error}; mapping goes on, {} kB wait in memory, and it is tried again every second",
+                "recording waits: {}: {error}; mapping continues, {} kB wait in memory, next attempt in a second",
                 self.disk.path(self.part.number).display(),
                 self.waiting_bytes() >> 10,
             ));
         }
         if is_hopeless {
             let (number, unwritten) = (self.part.number, self.part.encoded);
-            // Another failure is met, and told, by the next try.
+            // The next attempt meets and reports a further failure.
             let _ = self.next_part(now);
             if self.part.number != number {
                 self.lost += unwritten;
@@ -309,7 +313,7 @@ impl<F: Write> Part<F> {
         Ok(())
     }
 
-    /// From memory into the file.
+    /// Writes the encoded bytes to the file.
     fn drain(&mut self) -> io::Result<()> {
         let mut memory = self.memory.0.lock().unwrap_or_else(PoisonError::into_inner);
         while !memory.is_empty() {
@@ -337,7 +341,7 @@ impl<F: Write> Part<F> {
     }
 }
 
-/// Where the capture writer writes: it never fails.
+/// The buffer that the capture writer writes to; it never fails.
 #[derive(Clone, Default)]
 struct Memory(Arc<Mutex<Vec<u8>>>);
 

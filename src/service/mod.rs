@@ -1,8 +1,8 @@
-//! What the service manager is told: that the daemon is up, how the line fares, and that the pipeline's own loop still goes round.
+//! Messages to the service manager: readiness, the link's state, and a watchdog signal from the pipeline's loop.
 //!
 //! systemd starts a `Type=notify` unit with the path of a datagram socket in `$NOTIFY_SOCKET` and, where it has a `WatchdogSec`, with
-//! `$WATCHDOG_USEC`; sd_notify(3) describes both. Everything here happens inside [`Service::look`], which the pipeline's thread calls each time its
-//! loop goes round, board or no board. There is no timer and no thread: a pipeline that hangs says nothing, and is started anew.
+//! `$WATCHDOG_USEC`; sd_notify(3) describes both. Everything happens inside [`Service::look`], which the pipeline's thread calls in each
+//! iteration of its loop, with or without a board. There is no timer and no thread: a pipeline that hangs sends nothing and is restarted.
 
 mod feeder;
 mod socket;
@@ -16,7 +16,7 @@ use socket::Socket;
 use status::write_status;
 use std::time::{Duration, Instant};
 
-/// The service manager, where there is one.
+/// The connection to the service manager.
 #[derive(Debug)]
 pub struct Service {
     socket: Socket,
@@ -24,25 +24,22 @@ pub struct Service {
     feeder: Option<Feeder>,
     /// Filled in place, so that a look allocates nothing.
     snapshot: Snapshot,
-    /// What was said last, and what is to be said now: kept, so that a look allocates nothing.
-    said: String,
-    now: String,
+    /// The message sent last and the present one, kept so that a look allocates nothing.
+    sent: String,
+    message: String,
     is_up: bool,
 }
 
 impl Service {
-    /// The service manager that has started this process; none where nobody wants to be told. A socket that cannot be used is told to the log.
+    /// Connects to the service manager that started this process; none if there is none. An unusable socket is logged.
     #[must_use]
     #[expect(clippy::disallowed_methods, reason = "the watchdog measures real time")]
     pub fn begin() -> Option<Self> {
-        let place = std::env::var_os("NOTIFY_SOCKET").filter(|place| !place.is_empty())?;
-        let socket = match Socket::connect(&place) {
+        let path = std::env::var_os("NOTIFY_SOCKET").filter(|path| !path.is_empty())?;
+        let socket = match Socket::connect(&path) {
             Ok(socket) => socket,
             Err(error) => {
-                tracing::warn!(
-                    "the service manager cannot be told anything: NOTIFY_SOCKET={}: {error}",
-                    place.display()
-                );
+                tracing::warn!("no connection to the service manager: NOTIFY_SOCKET={}: {error}", path.display());
                 return None;
             }
         };
@@ -53,26 +50,26 @@ impl Service {
             begin,
             feeder,
             snapshot: Snapshot::default(),
-            said: String::new(),
-            now: String::new(),
+            sent: String::new(),
+            message: String::new(),
             is_up: false,
         })
     }
 
-    /// The loop has gone round: tells what is new, and feeds the watchdog where that is due. It never waits; what the service manager had no
-    /// room for is said again the next time.
+    /// Call in each iteration of the loop: sends a changed status and feeds the watchdog if that is due. It never waits; a message that found the
+    /// socket full is sent again the next time.
     pub fn look(&mut self, link: &Link, session: Option<&Session>) {
-        self.now.clear();
-        self.now.push_str(if self.is_up { "" } else { "READY=1\n" });
-        self.now.push_str("STATUS=");
+        self.message.clear();
+        self.message.push_str(if self.is_up { "" } else { "READY=1\n" });
+        self.message.push_str("STATUS=");
         copy_state(&mut self.snapshot, link, session);
-        write_status(&mut self.now, &self.snapshot);
-        if self.now != self.said && self.socket.send(&self.now) {
+        write_status(&mut self.message, &self.snapshot);
+        if self.message != self.sent && self.socket.send(&self.message) {
             if !self.is_up {
                 self.is_up = true;
-                self.now.drain(.."READY=1\n".len());
+                self.message.drain(.."READY=1\n".len());
             }
-            std::mem::swap(&mut self.now, &mut self.said);
+            std::mem::swap(&mut self.message, &mut self.sent);
         }
         let now = Timestamp::default() + self.begin.elapsed();
         if let Some(feeder) = &mut self.feeder
@@ -83,13 +80,13 @@ impl Service {
         }
     }
 
-    /// The session ends: what is left is to write its files.
+    /// The session ends and writes its files.
     pub fn stopping(&self) {
         self.socket.send("STOPPING=1\nSTATUS=stopping: map and session are written");
     }
 }
 
-/// How long the watchdog waits before it takes this process for dead, if it watches this process.
+/// The timeout of the watchdog, if it watches this process.
 fn watchdog() -> Option<Duration> {
     let number = |name| std::env::var(name).ok()?.parse::<u64>().ok();
     let is_ours = number("WATCHDOG_PID").is_none_or(|pid| pid == u64::from(std::process::id()));

@@ -11,11 +11,11 @@ use std::os::unix::net::{SocketAddr, UnixDatagram};
 pub(super) struct Socket(UnixDatagram);
 
 impl Socket {
-    /// Connects to a path, or to a name without a file where it begins with `@`.
-    pub(super) fn connect(place: &OsStr) -> io::Result<Self> {
-        let address = match place.as_bytes().strip_prefix(b"@") {
+    /// Connects to a path, or to an abstract name if it begins with `@`.
+    pub(super) fn connect(path: &OsStr) -> io::Result<Self> {
+        let address = match path.as_bytes().strip_prefix(b"@") {
             Some(name) => SocketAddr::from_abstract_name(name)?,
-            None => SocketAddr::from_pathname(place)?,
+            None => SocketAddr::from_pathname(path)?,
         };
         let socket = UnixDatagram::unbound()?;
         socket.set_nonblocking(true)?;
@@ -23,7 +23,7 @@ impl Socket {
         Ok(Self(socket))
     }
 
-    /// Sends a message; false where there is no room for it, or nobody there.
+    /// Sends a message; false if the socket is full or has no receiver.
     pub(super) fn send(&self, message: &str) -> bool {
         self.0.send(message.as_bytes()).is_ok()
     }
@@ -36,9 +36,9 @@ mod tests {
     #[test]
     fn a_full_socket_is_not_waited_for() {
         let folder = tempfile::tempdir().unwrap();
-        let place = folder.path().join("notify");
-        let manager = UnixDatagram::bind(&place).unwrap();
-        let socket = Socket::connect(place.as_os_str()).unwrap();
+        let path = folder.path().join("notify");
+        let manager = UnixDatagram::bind(&path).unwrap();
+        let socket = Socket::connect(path.as_os_str()).unwrap();
         let sent = (0..10_000).take_while(|_| socket.send("WATCHDOG=1")).count();
         assert!((1..10_000).contains(&sent), "{sent}");
         manager.recv(&mut [0; 64]).unwrap();
@@ -48,7 +48,7 @@ mod tests {
     }
 
     #[test]
-    fn a_name_without_a_file_is_found() {
+    fn an_abstract_name_is_found() {
         let name = format!("slamd-test-{}", std::process::id());
         let manager = UnixDatagram::bind_addr(&SocketAddr::from_abstract_name(&name).unwrap()).unwrap();
         assert!(Socket::connect(OsStr::new(&format!("@{name}"))).unwrap().send("READY=1"));

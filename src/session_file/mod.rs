@@ -1,4 +1,4 @@
-//! Session files: what a run remembers, on disk.
+//! Session files: the saved state of a run on disk.
 //!
 //! | bytes | content |
 //! |---|---|
@@ -10,11 +10,11 @@
 //!
 //! In that format f64 are eight little-endian bytes, integers varints (signed ones zig-zag), a list is its length and its
 //! elements, a struct its fields in the order of [`slamd_core::saved_state`], an enum the number of its variant. A change of any of these
-//! types is a new version. `docs/session-file.md` says it for other programs.
+//! types is a new version. `docs/session-file.md` describes the format for other programs.
 //!
-//! A file is written beside its name and renamed, so it is the old one or the new one, never half of one. It is refused before
-//! its payload is looked at unless its length and checksum hold, and a length inside the payload never reserves more than the
-//! file holds: postcard passes no length on that exceeds the bytes left.
+//! A file is written under another name and renamed, so it is always the old one or the new one, complete. A reader checks length and checksum
+//! before it parses the payload. A length inside the payload never reserves more memory than the file has bytes: postcard rejects a length that
+//! exceeds the remaining bytes.
 
 #![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
 #![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
@@ -35,7 +35,7 @@ pub const MAGIC: [u8; 8] = *b"slamdses";
 pub const VERSION: u32 = 1;
 /// Bytes in front of the payload.
 pub const HEADER: usize = 24;
-/// No session is larger: the largest map takes 50 MB.
+/// Largest accepted file, bytes: the largest map takes 50 MB.
 const MAX_BYTES: u64 = 256 << 20;
 
 const CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
@@ -43,7 +43,7 @@ const CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 /// What is wrong with a session's bytes.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub enum SessionFileError {
-    /// Other first bytes.
+    /// The first bytes differ.
     #[error("it is no session file: it begins with {found:02x?}, not with \"slamdses\"")]
     Magic {
         /// The first bytes, at most eight.
@@ -55,23 +55,23 @@ pub enum SessionFileError {
         /// The file's version.
         found: u32,
     },
-    /// Fewer bytes than it says.
+    /// Fewer bytes than the header says.
     #[error("it is cut off: it says that it has {expected} bytes, and ends after {found}")]
     Truncated {
-        /// Bytes that the header promises.
+        /// Bytes according to the header.
         expected: u64,
-        /// Bytes there are.
+        /// Bytes in the file.
         found: u64,
     },
-    /// More bytes than it says.
+    /// More bytes than the header says.
     #[error("{} bytes follow its end at byte {expected}", found.saturating_sub(*expected))]
     Trailing {
-        /// Bytes that the header promises.
+        /// Bytes according to the header.
         expected: u64,
-        /// Bytes there are.
+        /// Bytes in the file.
         found: u64,
     },
-    /// Changed bytes.
+    /// The checksum differs.
     #[error("it is damaged: its checksum says 0x{expected:08x}, its bytes 0x{computed:08x}")]
     Checksum {
         /// As written in the file.
@@ -79,7 +79,7 @@ pub enum SessionFileError {
         /// As computed.
         computed: u32,
     },
-    /// A payload that is none.
+    /// The payload cannot be parsed.
     #[error("its content cannot be read: {0}")]
     Content(String),
     /// Larger than any session.
@@ -106,10 +106,10 @@ pub enum FileError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: io::Error,
     },
-    /// It holds something else than a session.
+    /// The file holds no session.
     #[error("{}: {source}", path.display())]
     Content {
         /// The file.
@@ -119,17 +119,17 @@ pub enum FileError {
     },
 }
 
-/// A memory as the bytes of a session file.
+/// Encodes a saved state as the bytes of a session file.
 ///
 /// # Panics
-/// Never: a memory is made of numbers and lists whose lengths are known.
+/// Never: the state consists of numbers and of lists with known lengths.
 #[must_use]
 #[expect(
     clippy::expect_used,
     reason = "postcard refuses only lists of unknown length and full buffers, and a Vec grows"
 )]
-pub fn encode(memory: &SavedState) -> Vec<u8> {
-    let payload = postcard::to_allocvec(memory).expect("numbers and lists");
+pub fn encode(state: &SavedState) -> Vec<u8> {
+    let payload = postcard::to_allocvec(state).expect("numbers and lists");
     let mut bytes = Vec::with_capacity(HEADER + payload.len());
     bytes.extend(MAGIC);
     let (version, length) = (VERSION.to_le_bytes(), (payload.len() as u64).to_le_bytes());
@@ -140,14 +140,14 @@ pub fn encode(memory: &SavedState) -> Vec<u8> {
     bytes
 }
 
-/// The memory in the bytes of a session file.
+/// Decodes the bytes of a session file.
 ///
 /// # Errors
-/// Whatever is wrong with the bytes; never a panic, whatever they are.
+/// What is wrong with the bytes. Arbitrary bytes never cause a panic.
 pub fn decode(bytes: &[u8]) -> Result<SavedState, SessionFileError> {
     let found = bytes.len() as u64;
     let Some((_, rest)) = bytes.split_first_chunk::<8>().filter(|(magic, _)| **magic == MAGIC) else {
-        // What is there of the magic may still be right.
+        // A beginning of the magic bytes means a truncated file.
         let is_cut = !bytes.is_empty() && bytes.len() < MAGIC.len() && MAGIC.starts_with(bytes);
         let expected = HEADER as u64;
         return Err(if is_cut {
@@ -175,7 +175,7 @@ pub fn decode(bytes: &[u8]) -> Result<SavedState, SessionFileError> {
         return Err(SessionFileError::Checksum { expected, computed });
     }
     match postcard::take_from_bytes(payload) {
-        Ok((memory, [])) => Ok(memory),
+        Ok((state, [])) => Ok(state),
         Ok((_, rest)) => Err(SessionFileError::Content(format!("{} bytes follow its end", rest.len()))),
         Err(error) => Err(SessionFileError::Content(error.to_string())),
     }
@@ -192,7 +192,7 @@ fn checksum(version: [u8; 4], length: [u8; 8], payload: &[u8]) -> u32 {
 /// Reads a session file.
 ///
 /// # Errors
-/// Where it cannot be read, or holds something else than a session; with the file's name.
+/// When the file cannot be read or holds no session; the error names the file.
 pub fn read(path: &Path) -> Result<SavedState, FileError> {
     let io = |source| FileError::Io { path: path.into(), source };
     let file = std::fs::File::open(path).map_err(io)?;
@@ -208,17 +208,17 @@ pub fn read(path: &Path) -> Result<SavedState, FileError> {
     decode(&bytes).map_err(content)
 }
 
-/// Writes a session file: whole, or not at all.
+/// Writes a session file: completely or not at all.
 ///
 /// # Errors
-/// Where it cannot be written; with the file's name.
-pub fn write(path: &Path, memory: &SavedState) -> Result<(), FileError> {
+/// When the file cannot be written; the error names the file.
+pub fn write(path: &Path, state: &SavedState) -> Result<(), FileError> {
     let io = |source| FileError::Io { path: path.into(), source };
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or_else(|| Path::new("."));
     let mut file = tempfile::NamedTempFile::new_in(folder).map_err(io)?;
-    file.write_all(&encode(memory)).map_err(io)?;
+    file.write_all(&encode(state)).map_err(io)?;
     file.as_file().sync_all().map_err(io)?;
     file.persist(path).map_err(|error| io(error.error))?;
-    // The name, too, must survive a power cut.
+    // The folder is synced so that the name survives a power cut too.
     std::fs::File::open(folder).and_then(|folder| folder.sync_all()).map_err(io)
 }

@@ -1,4 +1,4 @@
-//! Saving beside a live run: the pipeline is held up for a copy of what it knows, never for the disk.
+//! Saves the state during a live run: the pipeline waits for a copy in memory, never for the disk.
 
 use super::{FileError, write};
 use crate::priority;
@@ -15,7 +15,7 @@ pub struct Saver {
     writing: Option<JoinHandle<Result<(), FileError>>>,
 }
 
-/// From one save to the next.
+/// Time between two saves.
 const PERIOD: Duration = Duration::from_secs(60);
 
 impl Saver {
@@ -25,20 +25,20 @@ impl Saver {
         Self { path, next: Timestamp::default() + PERIOD, writing: None }
     }
 
-    /// Saves what `memory` gives, in a thread of its own, where it is time; not while the last save still goes on.
-    pub fn tick(&mut self, at: Timestamp, memory: impl FnOnce() -> Option<SavedState>) {
+    /// Saves the state from `state` in its own thread if a save is due and the last one has ended.
+    pub fn tick(&mut self, at: Timestamp, state: impl FnOnce() -> Option<SavedState>) {
         if at < self.next || self.writing.as_ref().is_some_and(|writing| !writing.is_finished()) {
             return;
         }
         self.next = at + PERIOD;
         if let Err(error) = self.join() {
-            tracing::warn!("the session was not saved: {error}; the next try is in a minute");
+            tracing::warn!("the session was not saved: {error}; retrying in a minute");
         }
-        if let Some(memory) = memory() {
+        if let Some(state) = state() {
             let path = self.path.clone();
             self.writing = Some(std::thread::spawn(move || {
                 priority::background();
-                write(&path, &memory)
+                write(&path, &state)
             }));
         }
     }
@@ -46,14 +46,14 @@ impl Saver {
     /// Saves for the last time.
     ///
     /// # Errors
-    /// Where the file cannot be written.
-    pub fn finish(mut self, memory: Option<SavedState>) -> Result<(), FileError> {
-        // An older save must not overtake this one; its failure does not matter any more.
+    /// When the file cannot be written.
+    pub fn finish(mut self, state: Option<SavedState>) -> Result<(), FileError> {
+        // Waits for an older save, so that it cannot overwrite this one; its failure no longer matters.
         let _ = self.join();
-        match memory {
-            Some(memory) => write(&self.path, &memory),
+        match state {
+            Some(state) => write(&self.path, &state),
             None => {
-                tracing::warn!("{}: not written, for nothing is known yet", self.path.display());
+                tracing::warn!("{}: not written, because there is no state to save yet", self.path.display());
                 Ok(())
             }
         }

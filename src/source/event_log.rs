@@ -1,4 +1,4 @@
-//! The log of a session: one line for each event that a person should know of.
+//! The log of a session: one line for each event that matters to a person.
 
 use slamd_core::{Event, LocalizationChange, LocalizationEvent};
 
@@ -15,7 +15,7 @@ impl EventLog {
             Event::Board { description, compatible: true, .. } => tracing::info!("board: {description}"),
             Event::Board { description, .. } => tracing::error!("board: {description}"),
             Event::Ring { sensors, .. } => tracing::info!("ring of {sensors} sensors"),
-            Event::BoardReset { .. } => tracing::warn!("the board has restarted; map and pose go on"),
+            Event::BoardReset { .. } => tracing::warn!("board restarted; map and pose are kept"),
             Event::BoardTrouble { text, .. } => tracing::error!("board: {text}"),
             Event::BoardLog { text, .. } => tracing::info!("board says: {text}"),
             Event::Localization(event) => note_localization(event),
@@ -34,9 +34,7 @@ fn note_localization(event: &LocalizationEvent) {
     let since_s = event.since.seconds();
     match &event.change {
         LocalizationChange::Lost => {
-            tracing::warn!(
-                "position lost: what is heard contradicts the map; poses are uncertain since {since_s:.1} s"
-            );
+            tracing::warn!("position lost: the echoes contradict the map; poses are uncertain since {since_s:.1} s");
         }
         LocalizationChange::Regained { moved_m, turned_rad } => tracing::info!(
             "position found again, {moved_m:.2} m and {:.0} degrees off; poses since {since_s:.1} s were uncertain",
@@ -44,7 +42,7 @@ fn note_localization(event: &LocalizationEvent) {
         ),
         LocalizationChange::Abandoned => {
             tracing::warn!(
-                "position not found: no other place explains what is heard; mapping goes on where the robot is believed"
+                "position not found: no other pose explains the echoes; mapping continues at the estimated pose"
             );
         }
         LocalizationChange::KnownMap(search) if event.is_lost() => tracing::warn!("{}", search.reason),

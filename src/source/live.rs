@@ -1,8 +1,8 @@
-//! A live line as a source: all that the daemon does between two wakes.
+//! A live session: everything that the daemon does between two wake-ups.
 //!
-//! A state machine around the session and the link: what was read and written, hang-ups, deadlines and their times go in; frames to be
-//! written, chunks to be recorded and what to do to the port come out. The daemon is the loop around it on a real port and a real clock;
-//! `tests/wire/simulation.rs` has one on a simulated port and a simulated clock.
+//! A state machine around session and link. Bytes read and written, hang-ups, deadlines and their times go in; frames to write, chunks to
+//! record and recovery actions for the port come out. The daemon runs it with a real port and a real clock; `tests/wire/simulation.rs` with
+//! simulated ones.
 
 use super::session::Session;
 use crate::recorder::Chunk;
@@ -13,44 +13,44 @@ use slamd_core::{
 };
 use std::collections::VecDeque;
 
-/// A session on a line.
+/// A session on a serial link.
 pub struct LiveSession<'a> {
     port: String,
     link: &'a mut Link,
     session: &'a mut Session,
-    /// Frames to be written; of the first, what is left.
+    /// Frames to write; the first holds only its unwritten rest.
     outgoing: VecDeque<Bytes>,
 }
 
-/// Frames that wait for a port that takes none; what is older has become useless.
+/// Largest number of frames that wait for the port; further frames are discarded, because they would be late.
 pub const MAX_OUTGOING: usize = 16;
 
 impl<'a> LiveSession<'a> {
-    /// A session on a line whose port has just been opened for the first time.
+    /// A session on a link whose port was just opened for the first time.
     pub fn begin(port: String, now: Timestamp, link: &'a mut Link, session: &'a mut Session) -> Self {
         link.opened(now, &port, &session.reception());
         Self { port, link, session, outgoing: VecDeque::new() }
     }
 
-    /// When [`LiveSession::tick`] is due, unless something else comes earlier.
+    /// When [`LiveSession::tick`] is due, unless an input comes earlier.
     #[must_use]
     pub fn deadline(&self) -> Timestamp {
         self.link.deadline().into_iter().fold(self.session.next_deadline(), Ord::min)
     }
 
-    /// Bytes to be written next.
+    /// Bytes to write next.
     #[must_use]
     pub fn outgoing(&self) -> Option<&[u8]> {
         self.outgoing.front().map(|frame| &frame[..])
     }
 
-    /// Frames that wait to be written.
+    /// Number of waiting frames.
     #[must_use]
     pub fn waiting(&self) -> usize {
         self.outgoing.len()
     }
 
-    /// Bytes have been read; what is to be recorded.
+    /// Takes bytes that were read; returns the chunk to record.
     pub fn read(&mut self, now: Timestamp, bytes: Bytes) -> Chunk {
         let at = self.session.run_until(now);
         self.session.received(at, &bytes);
@@ -59,7 +59,7 @@ impl<'a> LiveSession<'a> {
         Chunk::Received(at, bytes)
     }
 
-    /// The first `count` of the outgoing bytes have been written; what is to be recorded.
+    /// The first `count` of the outgoing bytes were written; returns the chunk to record.
     pub fn wrote(&mut self, now: Timestamp, count: usize) -> Chunk {
         let at = self.session.run_until(now);
         let written = self.outgoing.front_mut().map(|first| first.split_to(count.min(first.len()))).unwrap_or_default();
@@ -69,24 +69,24 @@ impl<'a> LiveSession<'a> {
         Chunk::Sent(at, written)
     }
 
-    /// The deadline has come.
+    /// Handles the deadlines up to `now`.
     pub fn tick(&mut self, now: Timestamp) {
         let at = self.session.run_until(now);
         self.link.tick(at, &self.session.reception());
         self.queue();
     }
 
-    /// What to do to the port now.
+    /// The recovery action for the port that is due now.
     pub fn take_remedy(&mut self) -> Option<Remedy> {
         self.link.take_remedy()
     }
 
-    /// Each capture of a recording can be replayed by itself: who the board is, and its ring, are heard in each.
+    /// Requests the board's description and ring again, so that each file of a recording can be replayed alone.
     pub fn introduce(&mut self) {
         self.extend(introduction());
     }
 
-    /// The port is closed: it is gone, or shall be opened anew.
+    /// The port is closed, because it is gone or must be reopened.
     pub fn closed(&mut self, now: Timestamp, cause: impl Into<String>) {
         let at = self.session.run_until(now);
         self.queue();
@@ -94,7 +94,7 @@ impl<'a> LiveSession<'a> {
         self.link.closed(at, cause);
     }
 
-    /// The port has been opened again, perhaps under another name; what is to be recorded.
+    /// The port was opened again, perhaps under another name; returns the chunk to record.
     pub fn reopened(&mut self, port: String, now: Timestamp) -> Chunk {
         let at = self.session.run_until(now);
         self.session.take_transmit();
@@ -110,7 +110,7 @@ impl<'a> LiveSession<'a> {
         &self.port
     }
 
-    /// How the line fares, and the session.
+    /// The link and the session.
     #[must_use]
     pub fn parts(&mut self) -> (&mut Link, &mut Session) {
         (&mut *self.link, &mut *self.session)

@@ -1,4 +1,4 @@
-//! Where bytes come from, and the one driver that makes live and replay the same.
+//! Sources of bytes: a live link, a capture, a simulated board. All feed the same session.
 
 #![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
 #![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]

@@ -8,22 +8,22 @@ use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// How long one wait for the host's bytes takes: the simulation advances between two.
+/// Longest wait for the host's bytes; the simulation advances between two waits.
 const WAIT: Duration = Duration::from_millis(2);
 
-/// The name of the pseudo-terminal, gone when dropped unless another has taken it.
-struct Link {
+/// The symbolic link to the pseudo-terminal, removed on drop unless it leads elsewhere by then.
+struct Symlink {
     name: PathBuf,
     device: PathBuf,
 }
 
-impl Link {
+impl Symlink {
     fn create(name: &Path, device: PathBuf) -> io::Result<Self> {
         if let Ok(target) = std::fs::read_link(name) {
             if target.exists() {
-                let words =
+                let text =
                     format!("it leads to {}: another simulator serves it, choose another name", target.display());
-                return Err(io::Error::new(io::ErrorKind::AlreadyExists, words));
+                return Err(io::Error::new(io::ErrorKind::AlreadyExists, text));
             }
             std::fs::remove_file(name)?;
         }
@@ -37,7 +37,7 @@ impl Link {
     }
 }
 
-impl Drop for Link {
+impl Drop for Symlink {
     fn drop(&mut self) {
         if std::fs::read_link(&self.name).is_ok_and(|target| target == self.device) {
             let _ = std::fs::remove_file(&self.name);
@@ -45,21 +45,21 @@ impl Drop for Link {
     }
 }
 
-/// Serves the simulated board under `name` until its session ends. Bytes that nobody reads are lost, as on a real line.
+/// Serves the simulated board under `name` until its session ends. Unread bytes are lost, as on a real line.
 ///
 /// # Errors
-/// When there is no pseudo-terminal to be had, or `name` is taken by something that is not a link.
+/// When no pseudo-terminal is free, or `name` exists and is not an abandoned link.
 #[expect(clippy::disallowed_methods, reason = "a board in real time is a clock")]
 pub fn serve(mut simulation: Simulation, name: &Path) -> io::Result<()> {
     let (mut master, slave) = TTYPort::pair()?;
     master.set_timeout(WAIT)?;
     let device = slave.name().ok_or_else(|| io::Error::other("the pseudo-terminal has no name"))?;
-    // Whoever holds it locks it.
+    // An open descriptor here would lock the device for the host.
     drop(slave);
-    let _link = Link::create(name, device.into())?;
+    let _link = Symlink::create(name, device.into())?;
     let _ = writeln!(io::stdout(), "{}", name.display());
     let begin = std::time::Instant::now();
-    let mut heard = [0; 256];
+    let mut buffer = [0; 256];
     loop {
         let now = Timestamp::default() + begin.elapsed();
         if now >= simulation.duration() {
@@ -69,9 +69,9 @@ pub fn serve(mut simulation: Simulation, name: &Path) -> io::Result<()> {
             let Record::Received { bytes, .. } = record else { continue };
             let _ = master.write_all(&bytes);
         }
-        match master.read(&mut heard) {
-            Ok(count) => simulation.hear(now, heard.get(..count).unwrap_or(&heard)),
-            // A timeout, or nobody has the other end open: a board does not know the difference.
+        match master.read(&mut buffer) {
+            Ok(count) => simulation.hear(now, buffer.get(..count).unwrap_or(&buffer)),
+            // A timeout, or the other end is not open: the board treats both alike.
             Err(_) => std::thread::sleep(WAIT),
         }
     }

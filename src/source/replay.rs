@@ -1,4 +1,4 @@
-//! A capture as a source: as fast as it goes.
+//! A capture as a source, replayed as fast as possible.
 
 use super::session::Session;
 use slamd_capture::{CaptureError, CaptureReader, Record};
@@ -35,7 +35,7 @@ pub fn replay(capture: &mut CaptureReader, session: &mut Session, progress: impl
 /// When an output cannot be written.
 pub fn step(session: &mut Session, record: &Record) -> Result<(), WriteError> {
     session.feed(record)?;
-    // What was really sent is in the capture.
+    // The capture holds the frames that were really sent, so the new ones are discarded.
     session.take_transmit();
     Ok(())
 }

@@ -21,14 +21,14 @@ pub struct Session {
     observers: Observers,
 }
 
-/// Everything that sees the updates of a session.
+/// The receivers of a session's updates.
 struct Observers {
     outputs: Outputs,
     state: SessionState,
     log: EventLog,
     watcher: Option<Watcher>,
     transmit: Vec<Bytes>,
-    /// Poses that the current input has brought.
+    /// Poses from the current input.
     poses: u32,
     /// Whether the last input brought a pose.
     has_posed: bool,
@@ -67,13 +67,13 @@ impl Session {
         self.driver.take_sweeps()
     }
 
-    /// Everything worth remembering; none before there is something.
+    /// The state to save; none before there is a map.
     #[must_use]
     pub fn saved_state(&self) -> Option<SavedState> {
         self.pipeline().saved_state()
     }
 
-    /// The configuration with the wheels as this session has learnt them; none where the method learns none.
+    /// The configuration with this session's wheel parameters; none if the method does not estimate them.
     #[must_use]
     pub fn calibrated(&self) -> Option<Config> {
         let mut config = self.pipeline().config().clone();
@@ -81,7 +81,7 @@ impl Session {
         Some(config)
     }
 
-    /// What truly fails, where somebody knows it.
+    /// Sets the true faults, as a simulation knows them.
     pub fn true_faults(&mut self, faults: Vec<TrueFault>) {
         self.observers.outputs.true_faults(faults);
     }
@@ -99,7 +99,7 @@ impl Session {
         Ok(())
     }
 
-    /// Bytes were read.
+    /// Takes bytes that were read.
     pub fn received(&mut self, at: Timestamp, bytes: &[u8]) {
         self.handle(Input::Received { at, bytes });
     }
@@ -109,14 +109,14 @@ impl Session {
         self.handle(Input::Opened { at });
     }
 
-    /// The last input's last byte was read `elapsed` ago: how late its pose is, if it brought one.
+    /// Notes the latency of the last input's pose, if it brought one: its last byte was read `elapsed` ago.
     pub fn delay(&mut self, elapsed: Duration) {
         if self.observers.has_posed {
             self.observers.outputs.delay(elapsed);
         }
     }
 
-    /// Counts and latency, in a line.
+    /// Counters and latency as one line.
     #[must_use]
     pub fn statistics(&self) -> String {
         let counters = self.pipeline().counters();
@@ -127,12 +127,12 @@ impl Session {
         )
     }
 
-    /// Bytes were written.
+    /// Takes bytes that were written.
     pub fn sent(&mut self, at: Timestamp, bytes: &[u8]) {
         self.handle(Input::Sent { at, bytes });
     }
 
-    /// Where the robot truly is.
+    /// Takes the robot's true pose.
     ///
     /// # Errors
     /// When `truth.tum` cannot be created.
@@ -148,13 +148,13 @@ impl Session {
         driver.advance(at, |context, update| observers.see(context, update))
     }
 
-    /// Ends the session: sweeps that wait in the pipeline are used.
+    /// Ends the session: the pipeline processes its waiting sweeps.
     pub fn end(&mut self) {
         let Self { driver, observers } = self;
         driver.end(|context, update| observers.see(context, update));
     }
 
-    /// When the pipeline next wants to be called.
+    /// When the pipeline's next deadline is due.
     #[must_use]
     pub fn next_deadline(&self) -> Timestamp {
         self.driver.next_deadline()
@@ -171,13 +171,13 @@ impl Session {
         std::mem::take(&mut self.observers.transmit)
     }
 
-    /// What the events so far add up to.
+    /// The state that follows from the events so far.
     #[must_use]
     pub const fn state(&self) -> &SessionState {
         &self.observers.state
     }
 
-    /// Copies the session's state.
+    /// Copies the session's state into a snapshot.
     pub fn copy_to(&self, snapshot: &mut Snapshot) {
         snapshot.copy_session(self.pipeline(), self.state(), self.now());
     }
@@ -194,7 +194,7 @@ impl Session {
         self.pipeline().config()
     }
 
-    /// The pipeline, to look at.
+    /// The pipeline, read-only.
     #[must_use]
     pub fn pipeline(&self) -> &Pipeline {
         self.driver.pipeline()
@@ -206,11 +206,11 @@ impl Session {
     /// When an output cannot be written.
     pub fn finish(self) -> Result<(Summary, Vec<FaultEvent>), WriteError> {
         let Self { driver, observers } = self;
-        let (pipeline, nowhere) = (driver.pipeline(), Ring::default());
+        let (pipeline, no_ring) = (driver.pipeline(), Ring::default());
         let summary = observers.outputs.finish(&FinalState {
             config: pipeline.config(),
             raster: &pipeline.raster(),
-            ring: pipeline.ring().unwrap_or(&nowhere),
+            ring: pipeline.ring().unwrap_or(&no_ring),
             states: pipeline.states(),
             counters: pipeline.counters(),
             calibration: pipeline.calibration(),
@@ -241,7 +241,7 @@ impl Observers {
             Update::Input => {
                 let poses = std::mem::take(&mut self.poses);
                 self.has_posed = poses > 0;
-                // The first sweeps are used a few at a time, when the building's axis is found.
+                // Once the dominant directions are found, one input may process several waiting sweeps.
                 for _ in 0..poses {
                     self.outputs.timing(context.took / poses);
                 }
@@ -250,7 +250,7 @@ impl Observers {
     }
 }
 
-/// The state of a link and of its session, once there is one.
+/// Copies the state of a link and of its session, if there is one.
 pub fn copy_state(snapshot: &mut Snapshot, link: &Link, session: Option<&Session>) {
     snapshot.copy_link(link);
     if let Some(session) = session {

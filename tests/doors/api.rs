@@ -154,7 +154,7 @@ fn limits_are_kept_and_told() {
     let mut long = Served::client(&address);
     long.stream.write_all(&[b'x'; 65 << 10]).unwrap();
     long.expect_end("more than 65536 bytes");
-    served.daemon.expect("its line does not end", SOON);
+    served.daemon.expect("line too long", SOON);
     drop(long);
     let is_in = |client: &mut Client| client.next_line().is_some_and(|line| line["class"] == "VERSION");
     let mut clients = Vec::new();
@@ -189,7 +189,7 @@ fn who_reads_nothing_is_dropped_and_the_pipeline_loses_nothing() {
     bad.ask("?WATCH={\"sweep_hz\":50,\"pose_hz\":50};");
     // Answers of 3 MB; whether all is taken does not matter.
     let _ = bad.stream.write_all("?VERSION;\n".repeat(40_000).as_bytes());
-    served.daemon.expect("it is too slow", SOON);
+    served.daemon.expect("dropped: too slow", SOON);
     bad.expect_end("too slow");
     // Nobody else has noticed.
     let (mut last, mut sweeps) = (None, 0);
@@ -210,7 +210,7 @@ fn who_reads_nothing_is_dropped_and_the_pipeline_loses_nothing() {
 const TOKEN: &str = "correct-horse-battery-staple";
 
 #[test]
-fn whoever_comes_over_tcp_must_know_the_token() {
+fn tcp_clients_must_send_the_token() {
     let folder = tempfile::tempdir().unwrap();
     let token = folder.path().join("token");
     std::fs::write(&token, format!("{TOKEN}\n")).unwrap();
@@ -230,7 +230,7 @@ fn whoever_comes_over_tcp_must_know_the_token() {
     assert_eq!(known.next_line().unwrap()["class"], "VERSION");
     assert_eq!(known.expect("DEVICE")["link"], "searching");
     silent.expect_end("no token within 5 s");
-    served.daemon.expect("it does not know the token", SOON);
+    served.daemon.expect("wrong or missing token", SOON);
     assert!(get(&page, "/metrics", "").starts_with("HTTP/1.1 401 "));
     assert!(get(&page, "/metrics", &format!("Authorization: Bearer {TOKEN}\r\n")).starts_with("HTTP/1.1 200 "));
     served.daemon.end();

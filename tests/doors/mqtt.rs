@@ -69,7 +69,7 @@ fn home_assistant_finds_the_robot_and_its_end() {
     subscriber.expect("slamd/robot/sensor/3", b"ON", SOON);
     subscriber.until(SOON, |it| it.told.contains_key("slamd/robot/map"));
 
-    // Whoever comes later is told, too: all is retained.
+    // Messages are retained, so later subscribers receive them too.
     let mut late = Subscriber::new(&broker, None);
     late.until(SOON, |late| subscriber.told.keys().all(|topic| late.retained.contains_key(topic)));
     let told = late.retained.clone();
@@ -130,7 +130,7 @@ fn a_broker_that_restarts_is_told_everything_anew() {
     served.daemon.expect("mqtt: connected to", SOON);
     Subscriber::new(&broker, None).expect("slamd/robot/link", b"searching", SOON);
     drop(broker);
-    served.daemon.expect("it is tried again until it works", SOON);
+    served.daemon.expect("retrying", SOON);
     let broker = Mosquitto::start(Some(port));
     served.daemon.expect("mqtt: connected to", SOON);
     let mut subscriber = Subscriber::new(&broker, None);
@@ -166,7 +166,7 @@ fn the_password_is_for_the_broker_alone() {
         Served::with(&options.each_ref().map(String::as_str), &[("RUST_LOG", "trace")])
     };
     let mut refused = start(&wrong);
-    refused.daemon.expect("refuses user or password", SOON);
+    refused.daemon.expect("user or password refused", SOON);
     let mut served = start(&right);
     served.daemon.expect("mqtt: connected to", SOON);
     let mut subscriber = Subscriber::new(&broker, Some(("slamd", PASSWORD)));

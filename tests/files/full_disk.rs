@@ -46,10 +46,10 @@ fn a_full_disk_holds_up_nothing_and_costs_nothing() {
         command.args(["--viewer", "off"]);
     }
     let mut daemon = Daemon::run(command);
-    daemon.expect("drive.mcap: No space left on device (os error 28); mapping goes on", SOON);
+    daemon.expect("drive.mcap: No space left on device (os error 28); mapping continues", SOON);
     daemon.expect("trajectory.tum.part: No space left on device (os error 28); it waits in memory", SOON);
     std::fs::remove_file(format!("/proc/{}/root{}", daemon.pid(), disk.join("ballast").display())).unwrap();
-    daemon.expect("recording goes on after", SOON);
+    daemon.expect("recording continues after", SOON);
     assert!(daemon.has_said("nothing is missing"));
     daemon.wait();
     let again = place.path().join("again");

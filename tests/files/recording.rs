@@ -6,7 +6,7 @@ use bytes::Bytes;
 use slamd::recorder::{Chunk, Folder, Losses, Plan, Recorder, Tape};
 use slamd_capture::{CaptureInfo, CaptureReader, Record};
 use slamd_core::Timestamp;
-use slamd_testkit::faulty_disk::{FaultyDisk, Mood, record};
+use slamd_testkit::faulty_disk::{FaultyDisk, IoMode, record};
 use std::os::unix::fs::PermissionsExt as _;
 use std::time::Duration;
 
@@ -35,8 +35,8 @@ impl Run {
         Self { disk, tape, given: 0, notices: Vec::new(), most_waiting: 0 }
     }
 
-    fn run(&mut self, seconds: u64, mood: Mood) {
-        self.disk.is(mood);
+    fn run(&mut self, seconds: u64, mode: IoMode) {
+        self.disk.set_mode(mode);
         for _ in 0..seconds * SECOND {
             self.tape.push(chunk(self.given));
             self.given += 1;
@@ -68,13 +68,17 @@ fn assert_one_gap(records: &[Record], all: u64, lost: u64) -> u64 {
 #[test]
 fn a_full_disk_that_gets_room_again_costs_nothing() {
     let mut run = Run::new(Plan::default());
-    run.run(10, Mood::Well);
-    run.run(600, Mood::Room(1_000));
-    run.run(10, Mood::Well);
+    run.run(10, IoMode::Working);
+    run.run(600, IoMode::Room(1_000));
+    run.run(10, IoMode::Working);
     let told: Vec<_> = run.notices.iter().map(|(_, notice)| notice.as_str()).collect();
     assert_eq!(told.len(), 11, "one warning a minute, and the end: {told:#?}");
-    assert!(told[0].starts_with("recording waits: memory-1.mcap: no storage space; mapping goes on, "), "{}", told[0]);
-    assert!(told[10].starts_with("recording goes on after 6"), "{}", told[10]);
+    assert!(
+        told[0].starts_with("recording waits: memory-1.mcap: no storage space; mapping continues, "),
+        "{}",
+        told[0]
+    );
+    assert!(told[10].starts_with("recording continues after 6"), "{}", told[10]);
     assert!(told[10].ends_with("; nothing is missing"), "{}", told[10]);
     let all = run.given;
     let (losses, records, damage) = run.finish();
@@ -86,9 +90,9 @@ fn a_full_disk_that_gets_room_again_costs_nothing() {
 #[test]
 fn a_disk_full_for_too_long_costs_the_end_of_that_time_and_bounded_memory() {
     let mut run = Run::new(Plan::default());
-    run.run(10, Mood::Well);
-    run.run(3_600, Mood::Room(0));
-    run.run(10, Mood::Well);
+    run.run(10, IoMode::Working);
+    run.run(3_600, IoMode::Room(0));
+    run.run(10, IoMode::Working);
     let (all, most) = (run.given, run.most_waiting);
     assert!(most < 17 << 20, "{most} bytes");
     assert!(run.notices.last().unwrap().1.ends_with(" chunks are missing"));
@@ -100,12 +104,12 @@ fn a_disk_full_for_too_long_costs_the_end_of_that_time_and_bounded_memory() {
 }
 
 #[test]
-fn short_writes_and_moods_that_change_each_second_cost_nothing() {
+fn short_writes_and_errors_that_change_each_second_lose_nothing() {
     let mut run = Run::new(Plan::default());
     for i in 0..120 {
-        run.run(1, [Mood::Short(1), Mood::Broken, Mood::Short(17), Mood::Room(300), Mood::Well][i % 5]);
+        run.run(1, [IoMode::Short(1), IoMode::Broken, IoMode::Short(17), IoMode::Room(300), IoMode::Working][i % 5]);
     }
-    run.disk.is(Mood::Short(5));
+    run.disk.set_mode(IoMode::Short(5));
     assert!(run.notices.len() <= 2 * 2, "{:#?}", run.notices);
     let all = run.given;
     let (losses, records, damage) = run.finish();
@@ -116,8 +120,8 @@ fn short_writes_and_moods_that_change_each_second_cost_nothing() {
 #[test]
 fn a_file_that_cannot_be_written_any_more_is_given_up_for_another() {
     let mut run = Run::new(Plan::default());
-    run.run(10, Mood::Well);
-    run.run(60, Mood::Stale);
+    run.run(10, IoMode::Working);
+    run.run(60, IoMode::Stale);
     assert_eq!(run.tape.part(), 2);
     let all = run.given;
     let (losses, records, damage) = run.finish();
@@ -135,7 +139,7 @@ fn a_recording_is_cut_by_size_and_by_time_and_the_oldest_is_deleted() {
     ];
     for plan in plans {
         let mut run = Run::new(plan);
-        run.run(300, Mood::Well);
+        run.run(300, IoMode::Working);
         let (all, disk) = (run.given, run.disk.clone());
         let (losses, records, damage) = run.finish();
         assert_eq!(losses, Losses::default());
@@ -148,7 +152,7 @@ fn a_recording_is_cut_by_size_and_by_time_and_the_oldest_is_deleted() {
         }
     }
     let mut run = Run::new(Plan { most_time: Some(Duration::from_secs(10)), keep: Some(3), ..Plan::default() });
-    run.run(100, Mood::Well);
+    run.run(100, IoMode::Working);
     assert_eq!(run.disk.0.borrow().files.keys().copied().collect::<Vec<_>>(), [8, 9, 10]);
     assert_eq!(run.disk.0.borrow().removed, [1, 2, 3, 4, 5, 6, 7]);
 }
@@ -157,16 +161,16 @@ fn a_recording_is_cut_by_size_and_by_time_and_the_oldest_is_deleted() {
 fn the_room_that_others_need_is_left_to_them() {
     let mut run = Run::new(Plan { keep_free_bytes: 100 << 20, ..Plan::default() });
     run.disk.0.borrow_mut().free_bytes = Some(200 << 20);
-    run.run(10, Mood::Well);
+    run.run(10, IoMode::Working);
     run.disk.0.borrow_mut().free_bytes = Some(99 << 20);
-    run.run(1, Mood::Well);
+    run.run(1, IoMode::Working);
     let size = || run.disk.0.borrow().files[&1].len();
     let before = size();
-    run.run(30, Mood::Well);
+    run.run(30, IoMode::Working);
     assert_eq!(run.disk.0.borrow().files[&1].len(), before);
-    assert!(run.notices[0].1.contains("99 MiB are free, and 100 shall stay free"), "{:?}", run.notices);
+    assert!(run.notices[0].1.contains("99 MiB are free, and 100 must stay free"), "{:?}", run.notices);
     run.disk.0.borrow_mut().free_bytes = Some(200 << 20);
-    run.run(2, Mood::Well);
+    run.run(2, IoMode::Working);
     let all = run.given;
     let (losses, records, _) = run.finish();
     assert_eq!(losses, Losses::default());
@@ -205,7 +209,7 @@ fn a_recording_that_cannot_begin_is_refused_with_the_cause() {
     let error = full.err().unwrap().to_string();
     assert!(error.starts_with("/dev/full: No space left on device"), "{error}");
     let disk = FaultyDisk::default();
-    disk.is(Mood::Room(10));
+    disk.set_mode(IoMode::Room(10));
     let error = Tape::begin(disk, CaptureInfo::default(), Plan::default()).err().unwrap();
     assert_eq!(error.to_string(), "memory-1.mcap: no storage space");
 }

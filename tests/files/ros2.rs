@@ -271,7 +271,7 @@ fn ranges_are_as_in_rep_117_and_faulty_sensors_measure_nothing() {
         assert!((least_m - 0.03).abs() < 1e-6 && (most_m - 3.0).abs() < 1e-6);
         let counts = whole(&drive.facts["ranges"][&topic]);
         let changes = drive.file("out/faults.csv").lines().filter(|line| line.contains(&format!(",{sensor},"))).count();
-        // From its conviction on a faulty sensor says nothing at all, and a healthy one answers.
+        // After the fault is declared, a faulty sensor has no ranges, and a healthy one has.
         if faulty.contains_key(&sensor) {
             assert!(counts[2] > 100, "{topic} {counts:?}");
             assert!(changes > 1 || counts[3] == 0, "{topic} {counts:?}");

@@ -131,9 +131,9 @@ fn a_session_is_begun_once_and_a_damaged_one_is_not_written_over() {
         slamd(&["replay", capture, "--out", out, "--session", session])
     };
     let (code, text) = again();
-    assert!(code == 0 && text.contains("there is no session yet") && session.exists(), "{code}: {text}");
+    assert!(code == 0 && text.contains("no session file yet") && session.exists(), "{code}: {text}");
     let (code, text) = again();
-    assert!(code == 0 && !text.contains("there is no session yet"), "{code}: {text}");
+    assert!(code == 0 && !text.contains("no session file yet"), "{code}: {text}");
     std::fs::write(&session, "this is no session").unwrap();
     let (code, text) = again();
     assert_eq!(code, 65, "{text}");
@@ -192,7 +192,7 @@ fn a_folder_is_replayed_and_a_bad_capture_stops_no_other() {
     assert!(folder.path().join("out/good/map.png").exists());
     let (code, _, log) = replay(&["--save-session", "x"]);
     assert_eq!(code, 64, "{log}");
-    assert!(log.contains("for one capture"), "{log}");
+    assert!(log.contains("need a single capture"), "{log}");
     std::fs::remove_file(captures.join("bad.mcap")).unwrap();
     let (code, json, log) = replay(&["--json"]);
     assert_eq!(code, 0, "{log}");

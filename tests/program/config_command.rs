@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 
-/// A home of its own, without variables of whoever runs the test.
+/// A separate home folder, without the environment of the user who runs the test.
 struct Home {
     folder: tempfile::TempDir,
 }

@@ -127,7 +127,7 @@ fn it_is_ready_without_a_board_tells_its_state_and_feeds_the_watchdog() {
     let mut again = Daemon::run(program(folder.path(), place.to_str().unwrap()));
     let _board = Plugged::new(&folder.path().join("board"), Device::new(Board::broken(1, &["3:missing"]), 1));
     manager.expect("STATUS=streaming, 32 sensors, 1 faulty");
-    assert!(!again.has_said("there is no session yet"));
+    assert!(!again.has_said("no session file yet"));
     again.end();
 }
 
@@ -170,7 +170,7 @@ fn a_pipeline_that_hangs_does_not_feed_the_watchdog() {
 fn a_manager_that_does_not_listen_is_not_waited_for() {
     let folder = tempfile::tempdir().unwrap();
     let mut nobody = Daemon::run(program(folder.path(), folder.path().join("nowhere").to_str().unwrap()));
-    nobody.expect("the service manager cannot be told anything", SOON);
+    nobody.expect("no connection to the service manager", SOON);
     nobody.expect("link: searching", SOON);
     nobody.end();
     let place = folder.path().join("notify");

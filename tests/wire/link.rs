@@ -80,7 +80,7 @@ fn without_permission_the_group_is_named() {
     let mut daemon = Daemon::run(command);
     daemon.expect("link: searching (permission denied: ", SOON);
     if chgrp {
-        assert!(daemon.has_said("belongs to group dialout; run `sudo usermod -aG dialout $USER` and log in anew"));
+        assert!(daemon.has_said("belongs to group dialout; run `sudo usermod -aG dialout $USER` and log in again"));
     }
     daemon.end();
 }

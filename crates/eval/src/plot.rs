@@ -90,7 +90,8 @@ impl Plot {
             .margin_top(TOP_PX)
             .margin_right(RIGHT_PX)
             .x_label_area_size(BOTTOM_PX)
-            .y_label_area_size(LEFT_PX)
+            .margin_left(LEFT_MARGIN_PX)
+            .y_label_area_size(LEFT_PX - LEFT_MARGIN_PX)
             .build_cartesian_2d(axes.low.x..axes.high.x, axes.low.y..axes.high.y)?;
         chart.plotting_area().fill(if self.map.is_some() { &UNKNOWN } else { &WHITE })?;
         chart
@@ -115,6 +116,7 @@ impl Plot {
             .position(self.emptiest_corner(axes))
             .background_style(WHITE.mix(0.85))
             .border_style(GRID)
+            .legend_area_size(SWATCH_PX + 10)
             .label_font((FONT, LABEL_PX).into_font().color(&TEXT))
             .draw()?;
         Ok(())
@@ -242,7 +244,9 @@ fn known(raster: &Raster) -> impl Iterator<Item = (Point, i8)> {
 const FONT: FontFamily<'static> = FontFamily::Monospace;
 
 const WIDTH_PX: u32 = 960;
-const LEFT_PX: u32 = 84;
+/// Left of the axis, the margin included.
+const LEFT_PX: u32 = 94;
+const LEFT_MARGIN_PX: u32 = 14;
 const RIGHT_PX: u32 = 24;
 const TOP_PX: u32 = 48;
 const BOTTOM_PX: u32 = 60;

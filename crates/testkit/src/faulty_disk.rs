@@ -10,10 +10,10 @@ use std::rc::Rc;
 
 /// What a disk does with the next write.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Mood {
+pub enum IoMode {
     /// Takes everything.
     #[default]
-    Well,
+    Working,
     /// Takes so many bytes of each write.
     Short(usize),
     /// Has room for so many more bytes, then fails with ENOSPC.
@@ -26,7 +26,7 @@ pub enum Mood {
 
 #[derive(Debug, Default)]
 pub struct State {
-    pub mood: Mood,
+    pub mode: IoMode,
     pub free_bytes: Option<u64>,
     pub files: BTreeMap<u32, Vec<u8>>,
     pub removed: Vec<u32>,
@@ -44,16 +44,16 @@ pub struct FaultyFile {
 }
 
 impl FaultyDisk {
-    pub fn is(&self, mood: Mood) {
+    pub fn set_mode(&self, mode: IoMode) {
         let mut state = self.0.borrow_mut();
-        state.mood = mood;
-        if mood == Mood::Stale {
+        state.mode = mode;
+        if mode == IoMode::Stale {
             state.stale = state.files.keys().copied().collect();
         }
     }
 
     pub fn is_well(&self) -> bool {
-        self.0.borrow().mood == Mood::Well
+        self.0.borrow().mode == IoMode::Working
     }
 
     /// Does something to the bytes of the newest file.
@@ -80,9 +80,9 @@ impl Disk for FaultyDisk {
 
     fn create(&mut self, part: u32) -> io::Result<FaultyFile> {
         let mut state = self.0.borrow_mut();
-        match state.mood {
-            Mood::Broken => return Err(io::Error::from_raw_os_error(5)),
-            Mood::Room(0) => return Err(ErrorKind::StorageFull.into()),
+        match state.mode {
+            IoMode::Broken => return Err(io::Error::from_raw_os_error(5)),
+            IoMode::Room(0) => return Err(ErrorKind::StorageFull.into()),
             _ => {}
         }
         state.files.insert(part, Vec::new());
@@ -107,18 +107,18 @@ impl Disk for FaultyDisk {
 impl Write for FaultyFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let mut state = self.disk.0.borrow_mut();
-        let State { mood, files, stale, .. } = &mut *state;
-        let count = match mood {
-            Mood::Broken => return Err(io::Error::from_raw_os_error(5)),
-            Mood::Stale if stale.contains(&self.part) => return Err(io::Error::from_raw_os_error(5)),
-            Mood::Room(0) => return Err(ErrorKind::StorageFull.into()),
-            Mood::Room(room) => {
+        let State { mode, files, stale, .. } = &mut *state;
+        let count = match mode {
+            IoMode::Broken => return Err(io::Error::from_raw_os_error(5)),
+            IoMode::Stale if stale.contains(&self.part) => return Err(io::Error::from_raw_os_error(5)),
+            IoMode::Room(0) => return Err(ErrorKind::StorageFull.into()),
+            IoMode::Room(room) => {
                 let count = bytes.len().min(*room);
                 *room -= count;
                 count
             }
-            Mood::Short(most) => bytes.len().min(*most),
-            Mood::Well | Mood::Stale => bytes.len(),
+            IoMode::Short(most) => bytes.len().min(*most),
+            IoMode::Working | IoMode::Stale => bytes.len(),
         };
         // A file that was deleted is still written to by who has it open.
         if let Some(file) = files.get_mut(&self.part) {
@@ -128,8 +128,8 @@ impl Write for FaultyFile {
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        match self.disk.0.borrow().mood {
-            Mood::Broken => Err(io::Error::from_raw_os_error(5)),
+        match self.disk.0.borrow().mode {
+            IoMode::Broken => Err(io::Error::from_raw_os_error(5)),
             _ => Ok(()),
         }
     }

@@ -1,4 +1,4 @@
-//! What is promised to whoever trusts a robot to slamd, and what keeps each promise.
+//! slamd's promises to its users, and the test that checks each promise.
 
 /// A promise.
 pub struct Promise {
@@ -29,20 +29,20 @@ const fn promise(
 /// All of them.
 pub const PROMISES: [Promise; 31] = [
     promise(
-        "Whatever goes wrong with line, board, clock and disk at once: no bad frame is accepted, time never runs back, a recording is what was read, and the \
-         map is that of its replay.",
+        "With simultaneous faults of link, board, clock and disk: no bad frame is accepted, time is monotonic, a recording holds what was read, and its \
+         replay makes the same map.",
         "tests/wire/simulation.rs",
         "nothing_that_goes_wrong_breaks_a_promise",
         Some("simulation"),
     ),
     promise(
-        "Whatever comes over the wire, nothing panics and memory stays bounded.",
+        "No bytes on the link cause a panic or unbounded memory.",
         "tests/wire/fuzz.rs",
         "no_bytes_panic",
         Some("fuzz"),
     ),
     promise(
-        "Whatever a capture, session file, configuration or map holds, nothing panics, each is read or refused within a second.",
+        "No capture, session file, configuration or map causes a panic; each is read or refused within a second.",
         "tests/wire/fuzz.rs",
         "no_file_panics",
         Some("fuzz"),
@@ -54,31 +54,31 @@ pub const PROMISES: [Promise; 31] = [
         Some("kill"),
     ),
     promise(
-        "A full disk holds up nothing; what waited is written when there is room again.",
+        "A full disk does not delay mapping; waiting data is written when there is space again.",
         "tests/files/full_disk.rs",
         "a_full_disk_holds_up_nothing_and_costs_nothing",
         None,
     ),
     promise(
-        "A disk full for long costs the end of that time, and bounded memory.",
+        "A disk that is full for long costs the end of that time and bounded memory.",
         "tests/files/recording.rs",
         "a_disk_full_for_too_long_costs_the_end_of_that_time_and_bounded_memory",
         None,
     ),
     promise(
-        "Short writes and failing ones cost nothing.",
+        "Short and failing writes lose nothing.",
         "tests/files/recording.rs",
-        "short_writes_and_moods_that_change_each_second_cost_nothing",
+        "short_writes_and_errors_that_change_each_second_lose_nothing",
         None,
     ),
     promise(
-        "A recording keeps to its size and time, and leaves the disk the room that others need.",
+        "A recording respects its limits of size, time and free disk space.",
         "tests/files/recording.rs",
         "the_room_that_others_need_is_left_to_them",
         None,
     ),
     promise(
-        "Recordings are their owner's alone.",
+        "Only their owner can read recordings.",
         "tests/files/recording.rs",
         "recordings_are_their_owners_alone_and_leave_others_in_peace",
         None,
@@ -91,7 +91,7 @@ pub const PROMISES: [Promise; 31] = [
         None,
     ),
     promise(
-        "Map and pose go on when the port returns, under whatever name.",
+        "Map and pose continue when the port returns, under any name.",
         "tests/wire/link.rs",
         "map_and_pose_go_on_when_the_port_returns_under_another_name",
         None,
@@ -103,13 +103,13 @@ pub const PROMISES: [Promise; 31] = [
         None,
     ),
     promise(
-        "Viewers that hang or never come are not in the way.",
+        "Viewers that hang or never connect do not delay mapping.",
         "tests/doors/viewer.rs",
         "viewers_that_hang_or_never_come_are_not_in_the_way",
         None,
     ),
     promise(
-        "Each kind of broken sensor is found in time, named, and forgiven when it passes.",
+        "Each kind of sensor fault is detected in time, named, and cleared when it passes.",
         "crates/core/tests/estimator/faults.rs",
         "each_kind_is_found_in_time_and_named_and_forgiven_when_it_passes",
         None,
@@ -121,13 +121,13 @@ pub const PROMISES: [Promise; 31] = [
         None,
     ),
     promise(
-        "A slip of the wheels is noticed, told and mended.",
+        "A wheel slip is detected, reported and corrected.",
         "crates/core/tests/estimator/lock.rs",
         "a_slip_is_noticed_told_and_mended",
         None,
     ),
     promise(
-        "Eight of 32 sensors that break, in all kinds, cost less than half as much again.",
+        "Faults of all kinds in eight of 32 sensors increase the error by less than half.",
         "crates/core/tests/estimator/sensor_faults.rs",
         "a_side_of_missing_sensors_and_eight_of_all_kinds_cost_little",
         None,
@@ -139,7 +139,7 @@ pub const PROMISES: [Promise; 31] = [
         None,
     ),
     promise(
-        "A reversed wheel encoder is named and turned over.",
+        "A reversed wheel encoder is named and its sign corrected.",
         "crates/core/tests/estimator/sensor_faults.rs",
         "a_reversed_encoder_is_named_and_turned_over_on_the_way",
         None,
@@ -151,39 +151,44 @@ pub const PROMISES: [Promise; 31] = [
         None,
     ),
     promise(
-        "64 clients, lines of 64 KiB, 20 s of silence: no more, and it is told.",
+        "Limits of 64 clients, lines of 64 KiB and 20 s of silence are enforced and reported.",
         "tests/doors/api.rs",
         "limits_are_kept_and_told",
         None,
     ),
-    promise("The network is let in by no mistake.", "tests/doors/api.rs", "the_network_is_let_in_by_no_mistake", None),
     promise(
-        "Whoever comes over the network must know the token.",
+        "The API is not open to the network by mistake.",
         "tests/doors/api.rs",
-        "whoever_comes_over_tcp_must_know_the_token",
+        "the_network_is_let_in_by_no_mistake",
         None,
     ),
     promise(
-        "A board plays no tricks on a terminal.",
+        "Clients from the network must send the token.",
+        "tests/doors/api.rs",
+        "tcp_clients_must_send_the_token",
+        None,
+    ),
+    promise(
+        "Text from a board cannot control a terminal.",
         "tests/doors/api.rs",
         "a_board_plays_no_tricks_on_a_terminal",
         None,
     ),
-    promise("The service is walled in.", "tests/program/systemd.rs", "little_is_left_open", None),
+    promise("The service is sandboxed.", "tests/program/systemd.rs", "little_is_left_open", None),
     promise(
-        "Input meets no unwrap, no unchecked index and no unchecked cast.",
+        "Code that handles input has no unwrap, no unchecked index and no unchecked cast.",
         "tests/tree/input_path.rs",
         "the_input_path_carries_the_lints",
         None,
     ),
     promise(
-        "No crate of ours is unsafe, and overflow is checked in releases.",
+        "slamd's crates have no unsafe code, and releases check overflow.",
         "tests/tree/input_path.rs",
         "no_crate_is_unsafe_and_overflow_is_checked",
         None,
     ),
     promise(
-        "All that is built has an allowed license and comes from the registry.",
+        "All dependencies have an allowed license and come from the registry.",
         "tests/tree/dependencies.rs",
         "all_that_is_built_may_be",
         None,

@@ -1,7 +1,7 @@
-//! Where a configuration comes from, and `slamd config`, which tells it.
+//! Sources of the configuration, and `slamd config`, which shows it.
 //!
-//! A robot's: the defaults, then files, then environment variables, then the command line, each over the one before. A recording's: what the
-//! recording holds, or one file alone, so that a replay is the same everywhere.
+//! A robot's configuration: the defaults, then files, then environment variables, then the command line; later sources override earlier ones.
+//! A recording's: what the recording holds, or one file alone, so that a replay is the same on every machine.
 
 mod files;
 mod variables;
@@ -17,14 +17,14 @@ use slamd_core::{
 };
 use std::path::{Path, PathBuf};
 
-/// How results are made.
+/// Options of the estimator.
 #[derive(Debug, Args)]
 pub(crate) struct HowArgs {
-    /// How heading, position and map are found.
+    /// Estimation method for heading, position and map.
     #[arg(long, value_enum)]
     method: Option<MethodArg>,
-    /// Robot configuration (TOML), see configs/README.md. Without it a robot's is slamd/slamd.toml in XDG_CONFIG_HOME or /etc/slamd/slamd.toml,
-    /// where there is one, and a capture's is that which it holds.
+    /// Robot configuration (TOML), see configs/README.md. The default is slamd/slamd.toml in XDG_CONFIG_HOME or /etc/slamd/slamd.toml if it
+    /// exists, and for a capture the configuration that it holds.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
 }
@@ -45,12 +45,12 @@ impl From<MethodArg> for Method {
 }
 
 impl HowArgs {
-    /// A robot's configuration, from all layers.
+    /// The configuration for a robot, from all sources.
     pub(super) fn of_robot(&self) -> Result<Config, Failure> {
         Ok(self.effective()?.config)
     }
 
-    /// A recording's, with the method of the command line.
+    /// The configuration for a recording, with the method of the command line.
     pub(super) fn of_recording(&self, info: &CaptureInfo, capture: &Path) -> Result<Config, Failure> {
         let config = of_recording(self.config.as_deref(), info, capture)?;
         Ok(Config { method: self.method.map_or(config.method, Method::from), ..config })
@@ -65,26 +65,26 @@ impl HowArgs {
     }
 }
 
-/// A robot's configuration: all layers, with the file `named` where one is.
+/// The configuration for a robot, from all sources; `named` is the file from the command line.
 pub(super) fn of_robot(named: Option<&Path>) -> Result<Config, Failure> {
     Ok(robot_layers(named)?.finish()?.config)
 }
 
-/// A recording's configuration: that of the file `named`, or else what the capture holds.
+/// The configuration for a recording: from the file `named`, or else from the capture.
 pub(super) fn of_recording(named: Option<&Path>, info: &CaptureInfo, capture: &Path) -> Result<Config, Failure> {
     let Some(named) = named else {
         return Config::from_toml(&info.config_toml).map_err(|error| {
-            let words = format!("{}: its configuration: {error}; give one with --config", capture.display());
-            Failure::new(Kind::Data, words)
+            let text = format!("{}: its configuration: {error}; name another with --config", capture.display());
+            Failure::new(Kind::Data, text)
         });
     };
     read(named)
 }
 
-/// Files and environment variables of a robot.
+/// The configuration from files and environment variables.
 fn robot_layers(named: Option<&Path>) -> Result<Layers, Failure> {
     let (mut layers, mut read) = (Layers::default(), Vec::new());
-    for path in files::files(named, &files::places())? {
+    for path in files::files(named, &files::default_paths())? {
         layers.text(Some(&path.display().to_string()), &text(&path)?);
         read.push(path.display().to_string());
     }
@@ -120,7 +120,7 @@ impl From<ConfigError> for Failure {
 }
 
 const EXAMPLES: &str = "Examples:
-  slamd config show                        what `slamd run` would use, and where each value is from
+  slamd config show                        the configuration of `slamd run`, with the source of each value
   slamd config check robot.toml && scp robot.toml robot:/etc/slamd/slamd.toml
   SLAMD_ROBOT__WHEEL_BASE_M=0.3 slamd config show --config robot.toml";
 
@@ -134,11 +134,11 @@ pub(super) struct ConfigCommand {
 
 #[derive(Debug, Subcommand)]
 enum What {
-    /// Print what `slamd run` would use, as TOML: behind each value that is not the default, where it is from.
+    /// Print the configuration of `slamd run` as TOML, with the source behind each value that is not the default.
     Show(HowArgs),
-    /// Tell all errors of the named files, each by itself, or of all that `slamd run` would read. Exit code 78 where there is any.
+    /// Check each named file by itself, or without one everything that `slamd run` would read; print all errors. Exit code 78 if there is one.
     Check {
-        /// Configurations.
+        /// Configurations (TOML).
         #[arg(value_name = "FILE")]
         files: Vec<PathBuf>,
     },
@@ -171,7 +171,7 @@ impl ConfigCommand {
     }
 }
 
-/// Checks each file; the failure tells all that is wrong with any of them.
+/// Checks each file; the failure lists the errors of all files.
 fn check(files: &[PathBuf]) -> Result<(), Failure> {
     let mut failures: Vec<Failure> = Vec::new();
     for path in files {
@@ -183,6 +183,6 @@ fn check(files: &[PathBuf]) -> Result<(), Failure> {
     let Some(first) = failures.first() else { return Ok(()) };
     let is_wrong = failures.iter().any(|failure| failure.kind == Kind::Config);
     let kind = if is_wrong { Kind::Config } else { first.kind };
-    let words: Vec<String> = failures.iter().map(Failure::to_string).collect();
-    Err(Failure::new(kind, words.join("\n")))
+    let texts: Vec<String> = failures.iter().map(Failure::to_string).collect();
+    Err(Failure::new(kind, texts.join("\n")))
 }

@@ -13,7 +13,7 @@ pub(super) struct Variable {
     pub(super) value: String,
 }
 
-/// The options that a service may be given by variables: their names to clap, and the variables. What is given on the command line goes before.
+/// Options that can be set by variables: clap's name and the variable. The command line overrides the variable.
 pub(in crate::cli) const OPTIONS: &[(&str, &str)] = &[
     ("port", "SLAMD_PORT"),
     ("baud", "SLAMD_BAUD"),
@@ -34,15 +34,15 @@ pub(in crate::cli) const OPTIONS: &[(&str, &str)] = &[
     #[cfg(feature = "viewer")]
     ("viewer", "SLAMD_VIEWER"),
 ];
-/// What slamd's own variables begin with.
+/// Prefix of slamd's variables.
 const PREFIX: &str = "SLAMD_";
-/// Understood by every command.
+/// The variable that every command uses.
 const LOG_FORMAT: &str = "SLAMD_LOG_FORMAT";
 
-/// The variables that are values of the configuration, in the order of their names.
+/// The variables that set values of the configuration, in the order of their names.
 ///
 /// # Errors
-/// Variables of slamd that it does not know, and values that are no text.
+/// Unknown variables with slamd's prefix, and values that are not UTF-8.
 pub(super) fn variables(environment: impl Iterator<Item = (OsString, OsString)>) -> Result<Vec<Variable>, Failure> {
     let (mut known, mut problems) = (Vec::new(), Vec::new());
     let keys: Vec<(String, String)> = values().into_iter().map(|(key, _)| (name(&key), key)).collect();
@@ -53,7 +53,7 @@ pub(super) fn variables(environment: impl Iterator<Item = (OsString, OsString)>)
                 Err(_) => problems.push(format!("{name}: it is no text in UTF-8")),
             }
         } else if name.starts_with(PREFIX) && !is_option(&name) {
-            problems.push(complaint(&name));
+            problems.push(unknown_message(&name));
         }
     }
     if !problems.is_empty() {
@@ -64,11 +64,11 @@ pub(super) fn variables(environment: impl Iterator<Item = (OsString, OsString)>)
     Ok(known)
 }
 
-/// What to say of the variables of slamd that it does not know.
+/// An error message for each unknown variable with slamd's prefix.
 pub(in crate::cli) fn unknown() -> Vec<String> {
     let names = std::env::vars_os().filter_map(|(name, _)| name.into_string().ok());
     let is_known = |variable: &str| is_option(variable) || values().iter().any(|(key, _)| name(key) == variable);
-    names.filter(|name| name.starts_with(PREFIX) && !is_known(name)).map(|name| complaint(&name)).collect()
+    names.filter(|name| name.starts_with(PREFIX) && !is_known(name)).map(|name| unknown_message(&name)).collect()
 }
 
 fn is_option(name: &str) -> bool {
@@ -80,7 +80,7 @@ fn name(key: &str) -> String {
     PREFIX.to_owned() + &key.to_uppercase().replace('.', "__")
 }
 
-fn complaint(unknown: &str) -> String {
+fn unknown_message(unknown: &str) -> String {
     let keys: Vec<String> = values().iter().map(|(key, _)| name(key)).collect();
     let options = OPTIONS.iter().map(|(_, variable)| *variable).chain([LOG_FORMAT]);
     match nearest(unknown, keys.iter().map(String::as_str).chain(options)) {
@@ -113,18 +113,18 @@ mod tests {
     }
 
     #[test]
-    fn a_variable_that_nobody_knows_names_the_nearest() {
-        let said =
+    fn an_unknown_variable_names_the_nearest() {
+        let error =
             read(&[("SLAMD_ROBOT__WHEELBASE_M", "0.3"), ("SLAMD_PROT", "auto"), ("SLAMD_COLOUR_OF_THE_WALLS", "")])
                 .unwrap_err();
-        let lines: Vec<&str> = said.lines().collect();
+        let lines: Vec<&str> = error.lines().collect();
         assert!(
             lines[0].starts_with("SLAMD_COLOUR_OF_THE_WALLS: ")
                 && lines[0].ends_with("docs/cli.md lists those of slamd"),
-            "{said}"
+            "{error}"
         );
-        assert!(lines[1].ends_with("did you mean SLAMD_PORT?"), "{said}");
-        assert!(lines[2].ends_with("did you mean SLAMD_ROBOT__WHEEL_BASE_M?"), "{said}");
+        assert!(lines[1].ends_with("did you mean SLAMD_PORT?"), "{error}");
+        assert!(lines[2].ends_with("did you mean SLAMD_ROBOT__WHEEL_BASE_M?"), "{error}");
     }
 
     #[test]

@@ -1,23 +1,23 @@
-//! The computer: its disk, its viewer, and the programs that take serial ports for something else.
+//! Checks of the computer: disk, viewer, and programs that open serial ports by mistake.
 
 use crate::doctor::{Finding, Level};
 use std::path::Path;
 use std::process::Command;
 
-/// Less room than this is told, bytes: a recording of an hour takes a few tens of megabytes.
-const LITTLE_ROOM: u64 = 200_000_000;
-/// The viewer whose recordings slamd's match.
+/// Least free space without a warning, bytes: a recording of an hour takes a few tens of megabytes.
+const MIN_FREE_BYTES: u64 = 200_000_000;
+/// The viewer version that reads slamd's recordings.
 const RERUN: &str = "0.36.";
-const RERUN_FIX: &str = "to watch the map grow: pip install rerun-sdk==0.36.3";
+const RERUN_FIX: &str = "to see the map live: pip install rerun-sdk==0.36.3";
 /// An FTDI bridge that holds bytes for longer than this delays every answer, milliseconds.
 const MAX_LATENCY_MS: u32 = 2;
 
-/// What does not depend on the port.
+/// The findings that do not depend on the port.
 pub(super) fn findings(out: &Path) -> Vec<Finding> {
     vec![folder(out), viewer()]
 }
 
-/// What concerns a USB port: programs that grab it, and a bridge that holds bytes back.
+/// The findings about a USB port: programs that open it, and a bridge that delays bytes.
 pub(super) fn of_port(path: &Path) -> Vec<Finding> {
     let device = std::fs::canonicalize(path).unwrap_or_else(|_| path.into());
     let name = device.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
@@ -32,7 +32,7 @@ pub(super) fn of_port(path: &Path) -> Vec<Finding> {
     grabbers(&comms).into_iter().chain(latency_ms.and_then(|ms| latency_timer(&device, ms))).collect()
 }
 
-/// Programs that open each new serial port to see what it is.
+/// Programs that open each new serial port to identify it.
 fn grabbers(comms: &[String]) -> Vec<Finding> {
     let runs = |name: &str| comms.iter().any(|comm| comm == name);
     let mut findings = Vec::new();
@@ -40,16 +40,16 @@ fn grabbers(comms: &[String]) -> Vec<Finding> {
         findings.push(Finding::new(
             Level::Warning,
             "host.modem_manager",
-            "ModemManager runs: it takes a new serial port for a modem and speaks to it",
-            "a udev rule for the board's USB ids with ENV{ID_MM_DEVICE_IGNORE}=\"1\", or `sudo systemctl disable --now ModemManager`",
+            "ModemManager runs: it opens a new serial port as a modem and writes to it",
+            "add a udev rule for the board's USB ids with ENV{ID_MM_DEVICE_IGNORE}=\"1\", or `sudo systemctl disable --now ModemManager`",
         ));
     }
     if runs("brltty") {
         findings.push(Finding::new(
             Level::Warning,
             "host.brltty",
-            "brltty runs: it takes CH340 and CP210x bridges for Braille displays",
-            "`sudo systemctl mask --now brltty-udev brltty`",
+            "brltty runs: it opens CH340 and CP210x bridges as Braille displays",
+            "run `sudo systemctl mask --now brltty-udev brltty`",
         ));
     }
     findings
@@ -61,13 +61,13 @@ fn latency_timer(device: &Path, ms: u32) -> Option<Finding> {
         Finding::new(
             Level::Warning,
             "host.latency_timer",
-            format!("{device} is an FTDI bridge that holds bytes back for up to {ms} ms"),
-            format!("`setserial {device} low_latency`, or for good a udev rule: SUBSYSTEM==\"usb-serial\", DRIVER==\"ftdi_sio\", ATTR{{latency_timer}}=\"1\""),
+            format!("{device} is an FTDI bridge that delays bytes by up to {ms} ms"),
+            format!("run `setserial {device} low_latency`, or add a udev rule: SUBSYSTEM==\"usb-serial\", DRIVER==\"ftdi_sio\", ATTR{{latency_timer}}=\"1\""),
         )
     })
 }
 
-/// Whether the output folder, or the nearest that exists above it, takes a file and has room.
+/// Checks that the output folder, or the nearest existing one above it, can be written and has free space.
 fn folder(out: &Path) -> Finding {
     let fix = "choose another folder with --out";
     let absolute = std::path::absolute(out).unwrap_or_else(|_| out.into());
@@ -88,23 +88,23 @@ fn folder(out: &Path) -> Finding {
 
 fn room(out: &Path, bytes: u64) -> Finding {
     let text = format!("{} can be written, {:.1} GB free", out.display(), bytes as f64 * 1e-9);
-    if bytes < LITTLE_ROOM {
+    if bytes < MIN_FREE_BYTES {
         return Finding::new(Level::Warning, "host.room", text, "make room, or choose another folder with --out");
     }
     Finding::ok("host.folder", text)
 }
 
 fn viewer() -> Finding {
-    let output = Command::new("rerun").arg("--version").output();
-    let words = output.ok().map(|output| String::from_utf8_lossy(&output.stdout).into_owned());
-    version(words.as_deref())
+    let output = Command::new("rerun").arg("--version").output().ok();
+    let output = output.map(|output| String::from_utf8_lossy(&output.stdout).into_owned());
+    version(output.as_deref())
 }
 
-fn version(words: Option<&str>) -> Finding {
-    let Some(words) = words else {
+fn version(output: Option<&str>) -> Finding {
+    let Some(output) = output else {
         return Finding::new(Level::Note, "host.viewer", "no viewer: there is no `rerun` on the PATH", RERUN_FIX);
     };
-    let version = words.split_whitespace().find(|word| word.starts_with(|c: char| c.is_ascii_digit()));
+    let version = output.split_whitespace().find(|word| word.starts_with(|c: char| c.is_ascii_digit()));
     match version {
         Some(version) if version.starts_with(RERUN) => Finding::ok("host.viewer", format!("rerun {version}")),
         version => {
@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slow_bridge_is_told() {
+    fn a_slow_bridge_is_reported() {
         assert!(latency_timer(Path::new("/dev/ttyUSB0"), 16).unwrap().fix.unwrap().contains("low_latency"));
         assert_eq!(latency_timer(Path::new("/dev/ttyUSB0"), 1), None);
     }

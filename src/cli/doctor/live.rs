@@ -1,9 +1,9 @@
-//! The board at a port, for some seconds.
+//! Examines the board at a port for some seconds.
 
 use super::{DoctorArgs, host};
 use crate::cli::{Failure, Kind, config, terminal};
 use crate::doctor::{Examination, Finding, Level, Report};
-use crate::port::{self, PortName, Trouble};
+use crate::port::{self, PortError, PortName};
 use bytes::{Buf as _, Bytes};
 use slamd_core::{Config, Timestamp};
 use std::collections::VecDeque;
@@ -11,11 +11,11 @@ use std::time::{Duration, Instant};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio_serial::{SerialPort as _, SerialStream};
 
-/// Where nothing valid arrives, all usual baud rates are listened to: it takes this long.
-const SWEEP_S: f64 = 20.0;
+/// Time to try all usual baud rates, which is needed if no valid frame arrives, seconds.
+const BAUD_SCAN_S: f64 = 20.0;
 const CHUNK: usize = 4096;
-/// The bar moves this often.
-const SHOW: Duration = Duration::from_millis(100);
+/// Update period of the progress bar.
+const BAR_PERIOD: Duration = Duration::from_millis(100);
 
 /// The report, and whether the port could be used.
 pub(super) fn examine(args: &DoctorArgs, name: &PortName) -> Result<(Report, bool), Failure> {
@@ -23,7 +23,7 @@ pub(super) fn examine(args: &DoctorArgs, name: &PortName) -> Result<(Report, boo
     let mut findings = host::findings(&args.out);
     let path = match name.resolve() {
         Ok(path) => path,
-        Err(trouble) => return Ok(unusable(findings, &trouble)),
+        Err(error) => return Ok(unusable(findings, &error)),
     };
     findings.extend(host::of_port(&path));
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
@@ -31,7 +31,7 @@ pub(super) fn examine(args: &DoctorArgs, name: &PortName) -> Result<(Report, boo
     let _guard = runtime.enter();
     let stream = match port::open(&path, args.baud) {
         Ok(stream) => stream,
-        Err(trouble) => return Ok(unusable(findings, &trouble)),
+        Err(error) => return Ok(unusable(findings, &error)),
     };
     let port = path.display().to_string();
     findings.push(Finding::ok("port.open", format!("{port} is open at {} baud", args.baud)));
@@ -44,16 +44,16 @@ pub(super) fn examine(args: &DoctorArgs, name: &PortName) -> Result<(Report, boo
     let (examination, gone) = runtime.block_on(listen(args, &config, stream, &port));
     let (of_board, sensors) = examination.findings();
     findings.extend(of_board);
-    if let Some(words) = &gone {
+    if let Some(text) = &gone {
         let fix = "check the plug and the cable, and the board's supply";
-        findings.push(Finding::new(Level::Problem, "port.gone", format!("{port} went away: {words}"), fix));
+        findings.push(Finding::new(Level::Problem, "port.gone", format!("{port} went away: {text}"), fix));
     }
     Ok((Report::new(findings, sensors), true))
 }
 
-fn unusable(mut findings: Vec<Finding>, trouble: &Trouble) -> (Report, bool) {
-    let words = trouble.to_string();
-    let (text, fix) = words.split_once("; ").unwrap_or((&words, "see `slamd ports`"));
+fn unusable(mut findings: Vec<Finding>, error: &PortError) -> (Report, bool) {
+    let text = error.to_string();
+    let (text, fix) = text.split_once("; ").unwrap_or((&text, "see `slamd ports`"));
     findings.push(Finding::new(Level::Problem, "port.open", text, fix));
     (Report::new(findings, Vec::new()), false)
 }
@@ -65,8 +65,8 @@ enum Wake {
     Deadline,
 }
 
-/// Listens for as long as asked; why the port went away, where it did.
-#[expect(clippy::disallowed_methods, reason = "here time becomes an input")]
+/// Examines the board for the given time. Also returns why the port was lost, if it was.
+#[expect(clippy::disallowed_methods, reason = "the clock's time becomes an input here")]
 async fn listen(args: &DoctorArgs, config: &Config, stream: SerialStream, port: &str) -> (Examination, Option<String>) {
     let mut examination = Examination::new(config, args.baud, port);
     let begin = Instant::now();
@@ -77,13 +77,13 @@ async fn listen(args: &DoctorArgs, config: &Config, stream: SerialStream, port: 
     let mut chunk = vec![0; CHUNK];
     loop {
         let elapsed_s = now().seconds();
-        let length_s = if examination.has_frames() { args.seconds } else { args.seconds.max(SWEEP_S) };
+        let length_s = if examination.has_frames() { args.seconds } else { args.seconds.max(BAUD_SCAN_S) };
         if elapsed_s >= length_s {
             bar.finish_and_clear();
             return (examination, None);
         }
         terminal::show(&bar, elapsed_s);
-        let deadline = examination.next_deadline().min(now() + SHOW);
+        let deadline = examination.next_deadline().min(now() + BAR_PERIOD);
         let deadline = begin + Duration::from_micros(deadline.us());
         let wake = tokio::select! {
             read = reader.read(&mut chunk) => Wake::Read(read),
@@ -128,7 +128,7 @@ async fn listen(args: &DoctorArgs, config: &Config, stream: SerialStream, port: 
     }
 }
 
-/// Never ready where there is nothing to write.
+/// Writes the frame; never completes if there is none.
 async fn write(writer: &mut tokio::io::WriteHalf<SerialStream>, frame: Option<&Bytes>) -> std::io::Result<usize> {
     match frame {
         Some(frame) => writer.write(frame).await,

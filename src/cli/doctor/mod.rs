@@ -1,4 +1,4 @@
-//! `slamd doctor`: examines the port and the board, each finding with what to do about it.
+//! `slamd doctor`: examines port and board; each finding comes with a remedy.
 
 mod host;
 mod live;
@@ -17,7 +17,7 @@ const HELP: &str = "Examples:
 
 Exit code: 0 no problem (perhaps warnings), 65 problems found, 69 the port cannot be used.";
 
-/// Examine the port and the board: each finding with what to do about it.
+/// Examine port and board; each finding comes with a remedy.
 #[derive(Debug, Args)]
 #[command(after_help = HELP, group(ArgGroup::new("what").required(true).args(["port", "capture"])))]
 pub(super) struct DoctorArgs {
@@ -30,13 +30,13 @@ pub(super) struct DoctorArgs {
     /// Bits per second.
     #[arg(long, default_value_t = 115_200)]
     baud: u32,
-    /// Examine the board for this long; longer where other baud rates must be tried.
+    /// Examine the board for this time; longer if other baud rates must be tried.
     #[arg(long, value_name = "N", default_value = "10", value_parser = super::seconds)]
     seconds: f64,
     /// The robot's configuration (TOML), as for `slamd run`.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// The folder into which slamd will write.
+    /// The output folder to check.
     #[arg(long, value_name = "DIR", default_value = "slamd-out")]
     out: PathBuf,
     /// Print JSON for programs: findings, sensors, summary.

@@ -1,4 +1,4 @@
-//! The log's last lines, kept for the screen.
+//! Keeps the log's last lines for the screen.
 
 use std::collections::VecDeque;
 use std::io::{self, Write};
@@ -9,20 +9,20 @@ use tracing_subscriber::fmt::time::FormatTime;
 use tracing_subscriber::layer::SubscriberExt as _;
 use tracing_subscriber::util::SubscriberInitExt as _;
 
-/// The last lines; all copies share them.
+/// The last lines; clones share them.
 #[derive(Clone, Default)]
 pub(super) struct Log {
     lines: Arc<Mutex<VecDeque<String>>>,
 }
 
-/// No screen has more rows.
+/// More rows than a screen has.
 const MAX_LINES: usize = 200;
-/// A longer line is cut, bytes.
-const LONGEST: usize = 1_000;
+/// Longest line, bytes; a longer one is cut.
+const MAX_LINE_BYTES: usize = 1_000;
 
 impl Log {
-    /// Takes all that is logged from now on.
-    #[expect(clippy::disallowed_methods, reason = "log lines tell when they were written")]
+    /// Receives everything that is logged from now on.
+    #[expect(clippy::disallowed_methods, reason = "log lines carry their time")]
     pub(super) fn begin() -> Self {
         let log = Self::default();
         let writer = log.clone();
@@ -31,9 +31,9 @@ impl Log {
             .with_ansi(false)
             .with_target(false)
             .with_timer(Uptime(Instant::now()));
-        let (filter, complaint) = crate::cli::log::filter();
+        let (filter, warning) = crate::cli::log::filter();
         tracing_subscriber::registry().with(filter).with(lines).with(crate::cli::log::for_viewers()).init();
-        complaint.into_iter().for_each(|complaint| tracing::warn!("{complaint}"));
+        warning.into_iter().for_each(|warning| tracing::warn!("{warning}"));
         log
     }
 
@@ -44,9 +44,9 @@ impl Log {
 }
 
 impl Write for Log {
-    /// One call is one event.
+    /// Each call writes one log event.
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let text = String::from_utf8_lossy(bytes.get(..LONGEST).unwrap_or(bytes));
+        let text = String::from_utf8_lossy(bytes.get(..MAX_LINE_BYTES).unwrap_or(bytes));
         let mut lines = self.lines.lock().unwrap_or_else(PoisonError::into_inner);
         lines.extend(text.lines().map(str::to_owned));
         let surplus = lines.len().saturating_sub(MAX_LINES);
@@ -82,6 +82,6 @@ mod tests {
         let lines = log.lines();
         assert!(lines.len() <= MAX_LINES, "{}", lines.len());
         assert!(lines.contains(&"999".to_owned()) && !lines.contains(&"700".to_owned()));
-        assert!(lines.iter().all(|line| line.len() <= LONGEST));
+        assert!(lines.iter().all(|line| line.len() <= MAX_LINE_BYTES));
     }
 }

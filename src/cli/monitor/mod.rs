@@ -1,4 +1,4 @@
-//! `slamd monitor`: a live session or a capture, watched on a terminal.
+//! `slamd monitor`: shows a live session or a capture on a terminal.
 
 mod log;
 mod play;
@@ -24,10 +24,10 @@ const HELP: &str = "Examples:
   slamd monitor --port auto --record drive.mcap
   slamd monitor --capture replay/flat-paper-faults.mcap --speed 4      no robot needed
 
-Keys: q, Esc and Ctrl-C quit, + and - zoom the map, c keeps it about the robot, p pauses the picture, ? tells these.
+Keys: q, Esc and Ctrl-C quit, + and - zoom the map, c centres it on the robot, p pauses the display, ? lists the keys.
 Needs 80 columns and 24 rows. Without a UTF-8 locale it draws in ASCII, with NO_COLOR=1 without colours.";
 
-/// What only a port has.
+/// Options that only apply to a port.
 #[cfg(feature = "viewer")]
 const CONFLICTS: [&str; 5] = ["baud", "record", "exit_on_hangup", "viewer", "expose_viewer"];
 #[cfg(not(feature = "viewer"))]
@@ -38,7 +38,7 @@ const MQTT: [&str; 3] = super::mqtt::NAMES;
 #[cfg(not(feature = "mqtt"))]
 const MQTT: [&str; 0] = [];
 
-/// Map with a robot, or play a capture, and watch: ring, rates, faults, pose and map on this terminal.
+/// Map with a robot or play a capture, and show ring, rates, faults, pose and map on this terminal.
 #[derive(Debug, Args)]
 #[command(after_help = HELP, group(ArgGroup::new("what").required(true).args(["port", "capture"])))]
 pub(super) struct MonitorArgs {
@@ -48,12 +48,12 @@ pub(super) struct MonitorArgs {
     /// Play this capture instead.
     #[arg(long, value_name = "FILE", conflicts_with_all = CONFLICTS, conflicts_with_all = api::NAMES, conflicts_with_all = MQTT)]
     capture: Option<PathBuf>,
-    /// Play the capture so many times as fast as it was recorded.
+    /// Playback speed as a multiple of real time.
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = speed, conflicts_with = "port")]
     speed: f64,
     #[command(flatten)]
     live: LiveArgs,
-    /// Stop after this long.
+    /// Stop after this time.
     #[arg(long, value_name = "SECONDS", value_parser = super::seconds)]
     duration: Option<f64>,
     #[command(flatten)]
@@ -68,7 +68,7 @@ impl MonitorArgs {
         let runtime = runtime()?;
         let _guard = runtime.enter();
         let shutdown = Shutdown::new(self.duration.map(Duration::from_secs_f64))?;
-        heed_hangup(&shutdown)?;
+        end_on_hangup(&shutdown)?;
         match (&self.capture, &self.port) {
             (Some(capture), _) => self.play(capture, log, &runtime, shutdown),
             (None, Some(port)) => self.watch(port, log, &runtime, shutdown),
@@ -83,7 +83,7 @@ impl MonitorArgs {
         let end = self.live.drive(port, config, &self.output, (runtime, &mut shutdown), &mut |link, session| {
             sampler.sample(session, || Line::new(link.state(), link.cause().to_string()));
         });
-        // What is said from here on is for the terminal as it was; to one that takes nothing, nothing is said.
+        // The restored terminal shows the report; a dead terminal gets no output, because a write to it could block for ever.
         match end {
             _ if !screen.close() => Ok(()),
             Ok(Some(end)) => end.report(&self.output),
@@ -93,12 +93,12 @@ impl MonitorArgs {
     }
 
     fn play(&self, file: &Path, log: Log, runtime: &Runtime, mut shutdown: Shutdown) -> Result<(), Failure> {
-        let (mut capture, mut session) = replay::open(file, &self.live.kept, &self.output.how, &self.output.out)?;
+        let (mut capture, mut session) = replay::open(file, &self.live.state, &self.output.how, &self.output.out)?;
         let mut screen = self.screen(log, &shutdown)?;
         let mut sampler = Sampler::new(session.config(), screen.slot());
         let play = play::play(&mut capture, &mut session, self.speed, &mut shutdown, &mut sampler, file);
         let result = runtime.block_on(play);
-        let saved = self.live.kept.save(self.live.kept.saver(), &session);
+        let saved = self.live.state.save(self.live.state.saver(), &session);
         let finished = session.finish();
         if !screen.close() {
             return Ok(());
@@ -117,7 +117,7 @@ impl MonitorArgs {
     }
 }
 
-/// A screen is a terminal that moves its cursor.
+/// Checks that standard output is a terminal with a movable cursor.
 fn usable() -> Result<(), Failure> {
     let why = if !std::io::stdout().is_terminal() {
         "standard output is no terminal"
@@ -130,11 +130,11 @@ fn usable() -> Result<(), Failure> {
 }
 
 fn instead() -> &'static str {
-    "`slamd --port PORT` maps without a screen, `slamd inspect FILE` tells what is in a capture"
+    "`slamd --port PORT` maps without a screen, `slamd inspect FILE` describes a capture"
 }
 
-/// A terminal that goes away, as at the end of an SSH connection, ends the session as Ctrl-C does: its map is kept.
-fn heed_hangup(shutdown: &Shutdown) -> Result<(), DaemonError> {
+/// Ends the session, as Ctrl-C does, when the terminal is closed, for example at the end of an SSH connection. The map is written.
+fn end_on_hangup(shutdown: &Shutdown) -> Result<(), DaemonError> {
     let mut hangup = signal(SignalKind::hangup()).map_err(DaemonError)?;
     let asked = shutdown.asked();
     tokio::spawn(async move {

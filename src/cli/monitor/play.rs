@@ -1,4 +1,4 @@
-//! A capture as a source: as fast as it was recorded, or some times as fast.
+//! Plays a capture in real time or at a multiple of it.
 
 use super::sampler::Sampler;
 use crate::daemon::Shutdown;
@@ -9,7 +9,7 @@ use slamd_capture::CaptureReader;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Plays until the end is requested; a capture that is over stays on the screen.
+/// Plays until the end is requested; the end of the capture stays on the screen.
 ///
 /// # Errors
 /// When the capture cannot be read or an output cannot be written.

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 /// The newest dashboard that has not been drawn; a newer one replaces it.
 pub(super) type Slot = Arc<Mutex<Option<Dashboard>>>;
 
-/// Fills dashboards, not too often.
+/// Fills dashboards at a limited rate.
 pub(super) struct Sampler {
     slot: Slot,
     last: Dashboard,
@@ -18,10 +18,10 @@ pub(super) struct Sampler {
     mapped: Option<Instant>,
 }
 
-/// Between two dashboards, unless the line's state changes.
-const EVERY: Duration = Duration::from_millis(100);
-/// Between two copies of the map, which may be large.
-const MAP_EVERY: Duration = Duration::from_secs(1);
+/// Shortest time between two dashboards, unless the link's state changes.
+const PERIOD: Duration = Duration::from_millis(100);
+/// Time between two copies of the map, which may be large.
+const MAP_PERIOD: Duration = Duration::from_secs(1);
 
 impl Sampler {
     pub(super) fn new(config: &Config, slot: Slot) -> Self {
@@ -31,18 +31,18 @@ impl Sampler {
     }
 
     /// Fills a dashboard when one is due.
-    #[expect(clippy::disallowed_methods, reason = "the screen is for people, who live in real time")]
+    #[expect(clippy::disallowed_methods, reason = "the screen is updated in real time")]
     pub(super) fn sample(&mut self, session: Option<&Session>, line: impl Fn() -> Line) {
         let now = Instant::now();
         let line = line();
         let is_due = |last: Option<Instant>, every| last.is_none_or(|last| now.duration_since(last) >= every);
-        if line.word == self.last.line.word && !is_due(self.sampled, EVERY) {
+        if line.word == self.last.line.word && !is_due(self.sampled, PERIOD) {
             return;
         }
         self.sampled = Some(now);
         self.last.line = line;
         if let Some(session) = session {
-            if is_due(self.mapped, MAP_EVERY) {
+            if is_due(self.mapped, MAP_PERIOD) {
                 self.mapped = Some(now);
                 self.last.plan = Arc::new(Plan::new(session.pipeline().raster()));
             }
@@ -51,7 +51,7 @@ impl Sampler {
         *self.slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(self.last.clone());
     }
 
-    /// Fills the last one, with the newest map.
+    /// Fills the last dashboard, with the newest map.
     pub(super) fn sample_last(&mut self, session: &Session, line: Line) {
         (self.sampled, self.mapped) = (None, None);
         self.sample(Some(session), || line.clone());

@@ -1,4 +1,4 @@
-//! The terminal and the thread that draws on it. The pipeline never waits for it: it draws the newest dashboard.
+//! The terminal and the thread that draws the newest dashboard on it. The pipeline never waits for this thread.
 
 use super::log::Log;
 use super::sampler::Slot;
@@ -15,36 +15,36 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use tokio::sync::Notify;
 
-/// A terminal in use, given back as it was when this is closed or dropped.
+/// A terminal in use; closing or dropping restores it.
 pub(super) struct Screen {
     slot: Slot,
-    desk: Arc<Desk>,
+    shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
 }
 
-/// What the drawing thread shares with whoever ends it.
+/// State shared by the drawing thread and the thread that closes the screen.
 #[derive(Default)]
-struct Desk {
+struct Shared {
     closed: AtomicBool,
-    /// Held while something is drawn or given back.
-    pen: Mutex<()>,
+    /// Held while the terminal is drawn on or restored.
+    terminal: Mutex<()>,
 }
 
-/// Between two pictures.
-const EVERY: Duration = Duration::from_millis(100);
-/// A terminal that takes nothing is not waited for longer.
-const PATIENCE: Duration = Duration::from_secs(1);
-const LOOK_AGAIN: Duration = Duration::from_millis(5);
+/// Time between two frames.
+const PERIOD: Duration = Duration::from_millis(100);
+/// Longest wait for a terminal that accepts no output.
+const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
+const POLL_PERIOD: Duration = Duration::from_millis(5);
 
 impl Screen {
-    /// Takes the terminal and begins to draw; `asked` is notified when the person quits or the terminal goes away.
+    /// Sets up the terminal and starts drawing; `asked` is notified when the user quits or the terminal is closed.
     pub(super) fn open(log: Log, look: Look, asked: Arc<Notify>) -> io::Result<Self> {
-        let desk = Arc::new(Desk::default());
+        let shared = Arc::new(Shared::default());
         enable_raw_mode()?;
         let opened =
             execute!(stdout(), EnterAlternateScreen).and_then(|()| Terminal::new(CrosstermBackend::new(stdout())));
-        let terminal = opened.inspect_err(|_| give_back())?;
-        give_back_on_panic(Arc::clone(&desk));
+        let terminal = opened.inspect_err(|_| restore())?;
+        restore_on_panic(Arc::clone(&shared));
         let slot = Slot::default();
         let mut painter = Painter {
             terminal,
@@ -55,38 +55,37 @@ impl Screen {
             dashboard: Dashboard::default(),
         };
         let thread = {
-            let desk = Arc::clone(&desk);
+            let shared = Arc::clone(&shared);
             std::thread::Builder::new().name(THREAD.into()).spawn(move || {
-                let _told = ToldOnDrop(asked);
-                // Without a terminal nobody watches.
-                let _ = painter.paint(&desk);
+                let _notify = NotifyOnDrop(asked);
+                // An error here means that the terminal is gone.
+                let _ = painter.paint(&shared);
             })
         };
-        let thread = Some(thread.inspect_err(|_| give_back())?);
-        Ok(Self { slot, desk, thread })
+        let thread = Some(thread.inspect_err(|_| restore())?);
+        Ok(Self { slot, shared, thread })
     }
 
-    /// Where snapshots are left.
+    /// The slot for new dashboards.
     pub(super) fn slot(&self) -> Slot {
         Arc::clone(&self.slot)
     }
 
-    /// Gives the terminal back as it was. False where it takes nothing any more, as over a dead connection: whatever is written
-    /// to it waits for ever.
-    #[expect(clippy::disallowed_methods, reason = "a dead terminal is waited for in real time")]
+    /// Restores the terminal. False if it accepts no output any more, as over a dead connection: a write to it would block for ever.
+    #[expect(clippy::disallowed_methods, reason = "the wait for a dead terminal is in real time")]
     pub(super) fn close(&mut self) -> bool {
-        let is_given_back = self.desk.closed.swap(true, Ordering::Relaxed);
+        let is_restored = self.shared.closed.swap(true, Ordering::Relaxed);
         let begin = Instant::now();
         let Some(thread) = self.thread.take() else { return true };
         while !thread.is_finished() {
-            if begin.elapsed() > PATIENCE {
+            if begin.elapsed() > CLOSE_TIMEOUT {
                 return false;
             }
-            std::thread::sleep(LOOK_AGAIN);
+            std::thread::sleep(POLL_PERIOD);
         }
         let _ = thread.join();
-        if !is_given_back {
-            give_back();
+        if !is_restored {
+            restore();
         }
         true
     }
@@ -98,10 +97,10 @@ impl Drop for Screen {
     }
 }
 
-/// However the painter ends, the session does not go on unseen.
-struct ToldOnDrop(Arc<Notify>);
+/// Ends the session when the painter ends for any reason.
+struct NotifyOnDrop(Arc<Notify>);
 
-impl Drop for ToldOnDrop {
+impl Drop for NotifyOnDrop {
     fn drop(&mut self) {
         self.0.notify_one();
     }
@@ -109,21 +108,21 @@ impl Drop for ToldOnDrop {
 
 const THREAD: &str = "screen";
 
-/// Leaves the alternate screen, shows the cursor, and lets the terminal edit lines again.
-fn give_back() {
+/// Leaves the alternate screen, shows the cursor and disables raw mode.
+fn restore() {
     let _ = execute!(stdout(), LeaveAlternateScreen, Show);
     let _ = disable_raw_mode();
 }
 
-/// The words of a panic are to be read: they come after the terminal has been given back.
-fn give_back_on_panic(desk: Arc<Desk>) {
+/// Restores the terminal before a panic message is printed, so that the message can be read.
+fn restore_on_panic(shared: Arc<Shared>) {
     let before = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
-        if !desk.closed.swap(true, Ordering::Relaxed) {
+        if !shared.closed.swap(true, Ordering::Relaxed) {
             let is_painter = std::thread::current().name() == Some(THREAD);
-            // The painter's own panic may have come with the pen in its hand.
-            let _pen = (!is_painter).then(|| desk.pen.lock().unwrap_or_else(PoisonError::into_inner));
-            give_back();
+            // A panicking painter may already hold the lock.
+            let _lock = (!is_painter).then(|| shared.terminal.lock().unwrap_or_else(PoisonError::into_inner));
+            restore();
         }
         before(panic);
     }));
@@ -139,12 +138,12 @@ struct Painter {
 }
 
 impl Painter {
-    /// Draws and listens to keys until the person quits or the screen is closed.
-    #[expect(clippy::disallowed_methods, reason = "pictures come in real time")]
-    fn paint(&mut self, desk: &Desk) -> io::Result<()> {
-        while !desk.closed.load(Ordering::Relaxed) {
-            let next = Instant::now() + EVERY;
-            self.picture(desk)?;
+    /// Draws and handles keys until the user quits or the screen is closed.
+    #[expect(clippy::disallowed_methods, reason = "frames are drawn in real time")]
+    fn paint(&mut self, shared: &Shared) -> io::Result<()> {
+        while !shared.closed.load(Ordering::Relaxed) {
+            let next = Instant::now() + PERIOD;
+            self.picture(shared)?;
             loop {
                 let wait = next.saturating_duration_since(Instant::now());
                 if event::poll(wait)? {
@@ -165,14 +164,14 @@ impl Painter {
         Ok(())
     }
 
-    fn picture(&mut self, desk: &Desk) -> io::Result<()> {
+    fn picture(&mut self, shared: &Shared) -> io::Result<()> {
         let newest = self.slot.lock().unwrap_or_else(PoisonError::into_inner).take();
         if let Some(newest) = newest.filter(|_| !self.view.paused) {
             self.dashboard = newest;
         }
         let log = self.log.lines();
-        let _pen = desk.pen.lock().unwrap_or_else(PoisonError::into_inner);
-        if desk.closed.load(Ordering::Relaxed) {
+        let _lock = shared.terminal.lock().unwrap_or_else(PoisonError::into_inner);
+        if shared.closed.load(Ordering::Relaxed) {
             return Ok(());
         }
         let (dashboard, view, look) = (&self.dashboard, self.view, self.look);

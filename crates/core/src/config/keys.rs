@@ -30,18 +30,18 @@ pub struct Key {
 #[must_use]
 pub fn keys() -> Vec<Key> {
     vec![
-        key("method", Shape::Choice(&["walls", "paper"]), "How heading, position and map are found."),
-        key("robot", Shape::Table(robot()), "The drive."),
+        key("method", Shape::Choice(&["walls", "paper"]), "Estimation method for heading, position and map."),
+        key("robot", Shape::Table(robot()), "The robot and its wheels."),
         key(
             "ring",
             Shape::Table(ring()),
-            "The sensors; their places come from the board where neither `sensors` nor `circle` is given.",
+            "The sensors. Without `sensors` and `circle` the board reports where they are mounted.",
         ),
         key("map", Shape::Table(map()), "The map."),
         key(
             "board",
             Shape::Table(board()),
-            "Settings of the board, set where they differ; those not named stay as the board has them.",
+            "Settings that slamd writes to the board if they differ; the board keeps its own values of the others.",
         ),
     ]
 }
@@ -78,18 +78,18 @@ fn robot() -> Vec<Key> {
             "wheel_base_sigma_m",
             SIGMA_FLOOR,
             0.5,
-            "How well wheel_base_m is known: one standard deviation, metres; 2.5 % of it where absent.",
+            "Standard deviation of wheel_base_m, metres; default 2.5 % of it.",
         ),
         number(
             "wheel_ratio",
             0.5,
             2.0,
-            "Radius of the right wheel divided by that of the left; the mean of both is wheel_radius_m.",
+            "Radius of the right wheel divided by the radius of the left; wheel_radius_m is their mean.",
         ),
-        number("wheel_ratio_sigma", SIGMA_FLOOR, 0.2, "How well wheel_ratio is known: one standard deviation."),
-        whole("ticks_per_turn", 1, 10_000_000, "Encoder ticks per wheel turn; the board's own value where absent."),
-        number("max_speed_m_s", 0.01, 10.0, "Fastest the robot drives, metres per second."),
-        number("max_turn_rate_rad_s", 0.01, 30.0, "Fastest the robot turns, radians per second."),
+        number("wheel_ratio_sigma", SIGMA_FLOOR, 0.2, "Standard deviation of wheel_ratio."),
+        whole("ticks_per_turn", 1, 10_000_000, "Encoder ticks per wheel turn; default the board's own value."),
+        number("max_speed_m_s", 0.01, 10.0, "Highest speed of the robot, metres per second."),
+        number("max_turn_rate_rad_s", 0.01, 30.0, "Highest turn rate of the robot, radians per second."),
     ]
 }
 
@@ -101,20 +101,20 @@ fn ring() -> Vec<Key> {
                 "min_range_m",
                 0.0,
                 20.0,
-                "Nearest distance a sensor measures, metres; what is nearer is \"too close\".",
+                "Shortest distance that a sensor measures, metres; a shorter one is \"too close\".",
             )
         },
         number(
             "max_range_m",
             0.1,
             20.0,
-            "Farthest distance a sensor measures, metres; what is farther is \"nothing in range\".",
+            "Longest distance that a sensor measures, metres; a longer one is \"nothing in range\".",
         ),
         number("temperature_c", -40.0, 85.0, "Air temperature until the board reports one, degrees Celsius."),
         key(
             "circle",
             Shape::Table(circle()),
-            "Sensors evenly round a circle, looking outward, instead of the board's geometry.",
+            "Sensors evenly spaced on a circle, facing outward, instead of the board's geometry.",
         ),
         Key {
             instead_of: Some("circle"),
@@ -123,14 +123,14 @@ fn ring() -> Vec<Key> {
         key(
             "corrections",
             Shape::List(correction(), MAX_SENSORS),
-            "How single sensors differ from their drawing, as `slamd calibrate` finds it.",
+            "Corrections of single sensors, as written by `slamd calibrate`.",
         ),
     ]
 }
 
 fn circle() -> Vec<Key> {
     vec![
-        required(whole("count", 1, i64::from(MAX_SENSORS), "How many sensors.")),
+        required(whole("count", 1, i64::from(MAX_SENSORS), "Number of sensors.")),
         required(number("radius_m", 0.0, 2.0, "Radius of the circle, metres.")),
         required(number("half_angle_deg", 0.0, 60.0, "Half the beam's opening angle, degrees; 0 for a laser.")),
         Key {
@@ -139,21 +139,17 @@ fn circle() -> Vec<Key> {
                 "groups",
                 1,
                 i64::from(MAX_SENSORS),
-                "How many firing groups, interleaved round the ring; 1 where absent.",
+                "Number of firing groups, interleaved around the ring; default 1.",
             )
         },
-        key(
-            "clockwise",
-            Shape::Flag,
-            "True where the sensors are numbered clockwise from straight ahead; false where absent.",
-        ),
+        key("clockwise", Shape::Flag, "True if the sensors are numbered clockwise from straight ahead; default false."),
     ]
 }
 
 fn sensor() -> Vec<Key> {
     vec![
-        number("x_m", -2.0, 2.0, "Metres ahead of the middle between the wheels; 0 where absent."),
-        number("y_m", -2.0, 2.0, "Metres to the left of the middle between the wheels; 0 where absent."),
+        number("x_m", -2.0, 2.0, "Position ahead of the midpoint between the wheels, metres; default 0."),
+        number("y_m", -2.0, 2.0, "Position left of the midpoint between the wheels, metres; default 0."),
         required(number(
             "bearing_deg",
             -360.0,
@@ -161,25 +157,25 @@ fn sensor() -> Vec<Key> {
             "Direction of the beam, degrees counter-clockwise from straight ahead.",
         )),
         required(number("half_angle_deg", 0.0, 60.0, "Half the beam's opening angle, degrees; 0 for a laser.")),
-        whole("group", 0, 255, "Firing group; 0 where absent."),
+        whole("group", 0, 255, "Firing group; default 0."),
     ]
 }
 
 fn correction() -> Vec<Key> {
     vec![
         required(whole("sensor", 0, i64::from(MAX_SENSORS) - 1, "The sensor's id.")),
-        number("range_bias_m", -0.5, 0.5, "How much too long it reads, metres; 0 where absent."),
+        number("range_bias_m", -0.5, 0.5, "Range bias, metres, positive if the sensor reads too long; default 0."),
         number(
             "bearing_offset_deg",
             -45.0,
             45.0,
-            "How far it is turned counter-clockwise from its drawing, degrees; 0 where absent.",
+            "Bearing offset from the nominal direction, degrees counter-clockwise; default 0.",
         ),
     ]
 }
 
 fn map() -> Vec<Key> {
-    vec![number("cell_m", 0.01, 0.5, "Side of a cell, metres; the paper's method always uses 0.01.")]
+    vec![number("cell_m", 0.01, 0.5, "Side length of a cell, metres; the paper's method always uses 0.01.")]
 }
 
 /// The board's settings; the protocol has their names and ranges.
@@ -195,18 +191,18 @@ fn board() -> Vec<Key> {
 
 const fn about(setting: Setting) -> &'static str {
     match setting {
-        Setting::Sensors => "Sensors of the ring.",
+        Setting::Sensors => "Number of sensors.",
         Setting::Groups => "Firing groups; sensor i belongs to group i mod groups.",
-        Setting::SlotUs => "From one group's trigger to the next, microseconds.",
-        Setting::EncoderPeriodMs => "How often the encoders are told, milliseconds.",
-        Setting::TicksPerTurn => "Encoder ticks per turn of a wheel: all edges of both channels.",
-        Setting::LeftReversed => "True where the left encoder counts backwards.",
-        Setting::RightReversed => "True where the right encoder counts backwards.",
-        Setting::WheelsSwapped => "True where the encoders are on each other's pins.",
-        Setting::RingRadiusMm => "Radius of the circle on which the sensors sit, millimetres.",
+        Setting::SlotUs => "Time between the triggers of two groups, microseconds.",
+        Setting::EncoderPeriodMs => "Period of the encoder messages, milliseconds.",
+        Setting::TicksPerTurn => "Encoder ticks per wheel turn, counting all edges of both channels.",
+        Setting::LeftReversed => "True if the left encoder counts backwards.",
+        Setting::RightReversed => "True if the right encoder counts backwards.",
+        Setting::WheelsSwapped => "True if the left and right encoders are swapped.",
+        Setting::RingRadiusMm => "Radius of the circle of sensors, millimetres.",
         Setting::HalfAngleCdeg => "Half the beam's opening angle, hundredths of degrees.",
-        Setting::Clockwise => "True where the sensors are numbered clockwise.",
-        Setting::MaxRangeMm => "What is farther is no echo, millimetres.",
+        Setting::Clockwise => "True if the sensors are numbered clockwise.",
+        Setting::MaxRangeMm => "Longest range, millimetres; a farther echo is reported as no echo.",
     }
 }
 

@@ -183,7 +183,7 @@ pub fn read_requests_of_a_client(bytes: &[u8], needs_token: bool, step: usize) -
     let mut at = Timestamp::default();
     for piece in bytes.chunks(step) {
         client.received(at, piece);
-        client.news(at, &snapshot, 1);
+        client.update(at, &snapshot, 1);
         client.map(at, Some(&map));
         let count = step.min(client.outgoing().len());
         client.wrote(at, count);

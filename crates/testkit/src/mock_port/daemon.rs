@@ -25,7 +25,7 @@ impl Daemon {
 
     #[expect(clippy::disallowed_methods, reason = "the test measures in real time")]
     pub fn run(mut command: Command) -> Self {
-        // Not with the configuration of whoever runs the tests.
+        // Without the configuration of the user who runs the tests.
         if !command.get_envs().any(|(name, _)| name == "XDG_CONFIG_HOME" || name == "HOME") {
             command.env("XDG_CONFIG_HOME", "/nonexistent");
         }

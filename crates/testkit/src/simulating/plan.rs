@@ -1,6 +1,6 @@
 //! What happens in a run, drawn from its seed.
 
-use crate::faulty_disk::Mood;
+use crate::faulty_disk::IoMode;
 use slamd::recorder;
 use slamd_sim::fault::FaultMix;
 use slamd_sim::link::LinkFaults;
@@ -51,8 +51,8 @@ pub enum Happening {
     Stall(u64),
     /// The machine sleeps.
     Suspend(u64, Sleep),
-    /// The disk's mood.
-    Disk(Mood),
+    /// The disk's mode.
+    Disk(IoMode),
     /// The program is killed and begins again; with the power cut, what the disk had not yet taken is damaged.
     Death { power_cut: bool },
 }
@@ -89,7 +89,7 @@ impl Plan {
         let end_us = length_us - CALM_US;
         let at = |random: &mut Random| random.below(usize::try_from(end_us).unwrap_or(usize::MAX)) as u64;
         for _ in 0..random.below(4) {
-            happenings.push((at(&mut random), Happening::Disk(mood(&mut random))));
+            happenings.push((at(&mut random), Happening::Disk(mode(&mut random))));
         }
         for _ in 0..if is_clean { 0 } else { 1 + random.below(6) } {
             let mut begin = at(&mut random);
@@ -100,7 +100,7 @@ impl Plan {
         }
         // The disk is well when the run ends, or what waits for it could not be read back.
         if random.chance(0.8) {
-            happenings.push((end_us, Happening::Disk(Mood::Well)));
+            happenings.push((end_us, Happening::Disk(IoMode::Working)));
         }
         happenings.sort_by_key(|(at, _)| *at);
         let calendar = [0, SECOND_US, 20 * 365 * 24 * HOUR_US, 56 * 365 * 24 * HOUR_US, 180 * 365 * 24 * HOUR_US];
@@ -123,13 +123,13 @@ impl Plan {
     }
 }
 
-fn mood(random: &mut Random) -> Mood {
+fn mode(random: &mut Random) -> IoMode {
     match random.below(6) {
-        0 => Mood::Short(1 + random.below(40)),
-        1 => Mood::Room(random.below(3_000)),
-        2 => Mood::Broken,
-        3 => Mood::Stale,
-        _ => Mood::Well,
+        0 => IoMode::Short(1 + random.below(40)),
+        1 => IoMode::Room(random.below(3_000)),
+        2 => IoMode::Broken,
+        3 => IoMode::Stale,
+        _ => IoMode::Working,
     }
 }
 

@@ -143,9 +143,9 @@ impl World {
                     Sleep::HostClock => self.reset(),
                 }
             }
-            Happening::Disk(mood) => {
-                self.met.disk_moods += 1;
-                self.disk.is(mood);
+            Happening::Disk(mode) => {
+                self.met.disk_modes += 1;
+                self.disk.set_mode(mode);
             }
             Happening::Death { power_cut } => {
                 self.met.deaths += 1;

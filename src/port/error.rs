@@ -1,4 +1,4 @@
-//! Why a port cannot be opened, with what to do about it.
+//! Why a port cannot be opened, and what to do.
 
 use super::Holder;
 use std::os::unix::fs::MetadataExt as _;
@@ -6,36 +6,36 @@ use std::path::{Path, PathBuf};
 
 /// Why a port cannot be opened.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Trouble {
-    /// There is no such port now.
+pub enum PortError {
+    /// The port does not exist now.
     Missing {
         /// As the user named it.
         name: String,
     },
-    /// The name fits several ports.
+    /// Several ports match the name.
     Several {
         /// As the user named it.
         name: String,
-        /// The ports that it fits.
+        /// The matching ports.
         ports: Vec<PathBuf>,
     },
-    /// This user may not open it.
+    /// This user has no permission to open it.
     Permission {
         /// The device.
         path: PathBuf,
         /// The group it belongs to.
         group: String,
-        /// True where that group may open it.
+        /// True if that group may open it.
         group_may: bool,
     },
     /// Another program has it open.
     Busy {
         /// The device.
         path: PathBuf,
-        /// The programs, as far as this user may see them.
+        /// The programs that this user can see.
         holders: Vec<Holder>,
     },
-    /// It is something else than a serial port.
+    /// The file is not a serial port.
     NotSerial {
         /// The file.
         path: PathBuf,
@@ -44,19 +44,19 @@ pub enum Trouble {
     Other {
         /// The device.
         path: PathBuf,
-        /// The operating system's words.
-        words: String,
+        /// The operating system's error text.
+        text: String,
     },
 }
 
-impl Trouble {
-    /// True where the port may simply be unplugged: its return is looked for often.
+impl PortError {
+    /// True if the port is only unplugged; the daemon then looks for it often.
     #[must_use]
     pub fn is_missing(&self) -> bool {
         matches!(self, Self::Missing { .. })
     }
 
-    /// This user may not open `path`.
+    /// The error for a `path` that this user may not open.
     pub(super) fn permission(path: &Path) -> Self {
         let metadata = std::fs::metadata(path);
         let (gid, mode) = metadata.map_or((0, 0), |metadata| (metadata.gid(), metadata.mode()));
@@ -64,9 +64,9 @@ impl Trouble {
     }
 }
 
-impl std::error::Error for Trouble {}
+impl std::error::Error for PortError {}
 
-impl std::fmt::Display for Trouble {
+impl std::fmt::Display for PortError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Missing { name } => {
@@ -78,12 +78,12 @@ impl std::fmt::Display for Trouble {
             }
             Self::Permission { path, group, group_may: true } => write!(
                 f,
-                "permission denied: {} belongs to group {group}; run `sudo usermod -aG {group} $USER` and log in anew",
+                "permission denied: {} belongs to group {group}; run `sudo usermod -aG {group} $USER` and log in again",
                 path.display()
             ),
             Self::Permission { path, group, group_may: false } => write!(
                 f,
-                "permission denied: {path} belongs to group {group}, which may not use it either; run `sudo chgrp dialout {path} && sudo chmod g+rw {path}`, then `sudo usermod -aG dialout $USER`, and log in anew",
+                "permission denied: {path} belongs to group {group}, which may not use it either; run `sudo chgrp dialout {path} && sudo chmod g+rw {path}`, then `sudo usermod -aG dialout $USER`, and log in again",
                 path = path.display()
             ),
             Self::Busy { path, holders } if holders.is_empty() => write!(
@@ -98,14 +98,14 @@ impl std::fmt::Display for Trouble {
             Self::NotSerial { path } => {
                 write!(f, "{} is no serial port; `slamd ports` lists those there are", path.display())
             }
-            Self::Other { path, words } => {
-                write!(f, "{} cannot be opened: {words}; try `slamd doctor`", path.display())
+            Self::Other { path, text } => {
+                write!(f, "{} cannot be opened: {text}; try `slamd doctor`", path.display())
             }
         }
     }
 }
 
-/// How to make the holders let go. Two of them take every new serial port for something else.
+/// How to free the port. Two known programs open every new serial port because they take it for another device.
 fn remedy(holders: &[Holder]) -> &'static str {
     let is_held_by = |name: &str| holders.iter().any(|holder| holder.name.eq_ignore_ascii_case(name));
     if is_held_by("ModemManager") {
@@ -117,7 +117,7 @@ fn remedy(holders: &[Holder]) -> &'static str {
     }
 }
 
-/// The group's name, or else its number.
+/// The group's name, or its number if it has none.
 fn group_name(gid: u32) -> String {
     let groups = std::fs::read_to_string("/etc/group").unwrap_or_default();
     let name = groups.lines().find_map(|line| {
@@ -133,20 +133,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_trouble_says_what_to_do() {
-        let held = |name: &str| Trouble::Busy {
+    fn each_error_names_a_remedy() {
+        let held = |name: &str| PortError::Busy {
             path: "/dev/ttyUSB0".into(),
             holders: vec![Holder { pid: 7, name: name.into() }],
         };
         assert_eq!(held("picocom").to_string(), "busy: /dev/ttyUSB0 is held by picocom (pid 7); close it first");
         assert!(held("ModemManager").to_string().contains("systemctl disable --now ModemManager"));
         assert!(held("brltty").to_string().contains("remove brltty"));
-        let several = Trouble::Several { name: "auto".into(), ports: vec!["/dev/a".into(), "/dev/b".into()] };
+        let several = PortError::Several { name: "auto".into(), ports: vec!["/dev/a".into(), "/dev/b".into()] };
         assert_eq!(several.to_string(), "several ports: auto fits /dev/a and /dev/b; name one of them with --port");
         let path = PathBuf::from("/dev/ttyUSB0");
-        let may = Trouble::Permission { path: path.clone(), group: "dialout".into(), group_may: true };
+        let may = PortError::Permission { path: path.clone(), group: "dialout".into(), group_may: true };
         assert!(may.to_string().contains("sudo usermod -aG dialout"), "{may}");
-        let may_not = Trouble::Permission { path, group: "root".into(), group_may: false };
+        let may_not = PortError::Permission { path, group: "root".into(), group_may: false };
         assert!(may_not.to_string().contains("chmod g+rw /dev/ttyUSB0"), "{may_not}");
     }
 

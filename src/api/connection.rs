@@ -1,6 +1,6 @@
-//! A client's connection: carries bytes and time to its [`Client`], and lines back.
+//! A client's connection: passes bytes and times to its [`Client`] and writes its lines.
 
-use super::client::{Asks, Client, End};
+use super::client::{Client, End, Pending};
 use super::report::Report;
 use super::server::{Counted, ServerState};
 use super::token::Token;
@@ -12,51 +12,52 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _};
 use tokio::time::{sleep_until, timeout};
 
-/// Who is dropped may still have sent something, which is read for so long and so far: else the system would throw the last words away.
-const LAST_WORDS: Duration = Duration::from_secs(1);
-const LAST_BYTES: u64 = 1 << 20;
+/// Before a connection is closed, unread input is discarded, for so long and so many bytes. With unread input, closing would reset the connection
+/// and lose the last line.
+const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
+const MAX_DRAINED: u64 = 1 << 20;
 const CHUNK: usize = 4096;
 
 /// What woke the loop.
 enum Wake {
     Read(io::Result<usize>),
     Wrote(io::Result<usize>),
-    Moment,
+    Snapshot,
     Map,
     Time,
 }
 
-/// Serves one client until it goes or is dropped.
-pub(super) async fn serve<S>(state: Rc<ServerState>, _counted: Counted, stream: S, who: String, token: Option<Token>)
+/// Serves one client until it disconnects or is dropped.
+pub(super) async fn serve<S>(state: Rc<ServerState>, _counted: Counted, stream: S, peer: String, token: Option<Token>)
 where
     S: AsyncRead + AsyncWrite + Unpin,
 {
     let (mut reader, mut writer) = tokio::io::split(stream);
     let mut client = Client::new(state.now(), token);
-    let (mut moments, mut maps) = (state.moment.subscribe(), state.map.subscribe());
+    let (mut snapshots, mut maps) = (state.snapshot.subscribe(), state.map.subscribe());
     let mut watching = Watching { state: Rc::clone(&state), is_on: false };
-    let (mut asked, mut reads, mut is_told, mut chunk) = (Asks::default(), true, false, [0; CHUNK]);
+    let (mut asked, mut reads, mut is_logged, mut chunk) = (Pending::default(), true, false, [0; CHUNK]);
     loop {
         let now = state.now();
         client.tick(now);
         watching.set(client.is_watching());
         if let Some(end) = client.end()
-            && !std::mem::replace(&mut is_told, true)
+            && !std::mem::replace(&mut is_logged, true)
         {
             reads = false;
             state.count(end);
-            tell(&who, end);
+            log_end(&peer, end);
         }
         if client.is_over(now) {
             break;
         }
-        if client.asks().map
+        if client.pending().map
             && let Some(map) = state.fresh_map(now)
         {
             client.map(now, map.as_ref());
         }
-        let asks = client.asks();
-        if asks.moment && !asked.moment {
+        let asks = client.pending();
+        if asks.snapshot && !asked.snapshot {
             state.mailbox.ask();
         }
         if asks.map && !asked.map {
@@ -67,7 +68,7 @@ where
         let wake = tokio::select! {
             read = reader.read(&mut chunk), if reads => Wake::Read(read),
             written = writer.write(client.outgoing()), if !client.outgoing().is_empty() => Wake::Wrote(written),
-            _ = moments.changed() => Wake::Moment,
+            _ = snapshots.changed() => Wake::Snapshot,
             _ = maps.changed() => Wake::Map,
             () = sleep_until(deadline.into()) => Wake::Time,
         };
@@ -75,16 +76,16 @@ where
         match wake {
             Wake::Read(Ok(0)) => {
                 reads = false;
-                client.hung_up(now);
+                client.peer_closed(now);
             }
             Wake::Read(Ok(count)) => client.received(now, &chunk[..count]),
             Wake::Wrote(Ok(count)) if count > 0 => client.wrote(now, count),
-            // It is gone.
+            // The client disconnected.
             Wake::Read(Err(_)) | Wake::Wrote(_) => return,
-            Wake::Moment => {
-                let moment = Arc::clone(&moments.borrow_and_update());
-                client.news(now, &moment, state.served().clients);
-                asked.moment = false;
+            Wake::Snapshot => {
+                let snapshot = Arc::clone(&snapshots.borrow_and_update());
+                client.update(now, &snapshot, state.served().clients);
+                asked.snapshot = false;
             }
             Wake::Map => {
                 let line = maps.borrow_and_update().clone();
@@ -94,36 +95,36 @@ where
             Wake::Time => {}
         }
     }
-    part(&mut reader, &mut writer).await;
+    close(&mut reader, &mut writer).await;
 }
 
-/// Tells one client too many that it is.
-pub(super) async fn turn_away<S: AsyncRead + AsyncWrite + Unpin>(_counted: Counted, stream: S) {
+/// Sends the reason to a client that is refused.
+pub(super) async fn refuse<S: AsyncRead + AsyncWrite + Unpin>(_counted: Counted, stream: S) {
     let (mut reader, mut writer) = tokio::io::split(stream);
     let message = "too many clients: 64 are connected; try again later";
-    let _ = timeout(LAST_WORDS, writer.write_all(&Report::Error { message }.line())).await;
-    part(&mut reader, &mut writer).await;
+    let _ = timeout(DRAIN_TIMEOUT, writer.write_all(&Report::Error { message }.line())).await;
+    close(&mut reader, &mut writer).await;
 }
 
-async fn part(reader: &mut (impl AsyncRead + Unpin), writer: &mut (impl AsyncWrite + Unpin)) {
-    let _ = timeout(LAST_WORDS, async {
+async fn close(reader: &mut (impl AsyncRead + Unpin), writer: &mut (impl AsyncWrite + Unpin)) {
+    let _ = timeout(DRAIN_TIMEOUT, async {
         writer.shutdown().await?;
-        tokio::io::copy(&mut reader.take(LAST_BYTES), &mut tokio::io::sink()).await
+        tokio::io::copy(&mut reader.take(MAX_DRAINED), &mut tokio::io::sink()).await
     })
     .await;
 }
 
-fn tell(who: &str, end: End) {
+fn log_end(peer: &str, end: End) {
     match end {
         End::Done => {}
-        End::Slow => tracing::warn!("api: a client at {who} is dropped: it is too slow"),
-        End::Idle => tracing::info!("api: a client at {who} is dropped: it is idle"),
-        End::Long => tracing::warn!("api: a client at {who} is dropped: its line does not end"),
-        End::Stranger => tracing::warn!("api: a client at {who} is dropped: it does not know the token"),
+        End::Slow => tracing::warn!("api: client {peer} dropped: too slow"),
+        End::Idle => tracing::info!("api: client {peer} dropped: idle"),
+        End::LineTooLong => tracing::warn!("api: client {peer} dropped: line too long"),
+        End::Unauthorized => tracing::warn!("api: client {peer} dropped: wrong or missing token"),
     }
 }
 
-/// Whether sweeps are to be copied for a client.
+/// Counts a client among the mailbox's watchers while it subscribes to sweeps.
 struct Watching {
     state: Rc<ServerState>,
     is_on: bool,
