@@ -11,7 +11,7 @@ pub struct Params {
     pub start: StartParams,
 }
 
-/// Constants of [`dominant_directions`](super::dominant_directions). A direction is one degree.
+/// Constants of `dominant_directions`. A direction is one degree.
 ///
 /// | name | value | unit | how chosen | what breaks when it is wrong |
 /// |---|---|---|---|---|
@@ -45,7 +45,7 @@ impl Default for DirectionsParams {
     }
 }
 
-/// Constants of [`start`](super::start).
+/// Constants of `start`.
 ///
 /// | name | value | unit | how chosen | what breaks when it is wrong |
 /// |---|---|---|---|---|

@@ -31,7 +31,7 @@ pub(crate) const fn degrees(angle: f64) -> f64 {
     angle * PI / 180.0
 }
 
-/// Constants of [`beam_model`](super::beam_model).
+/// Constants of `beam_model`.
 ///
 /// | name | value | unit | how chosen | what breaks when it is wrong |
 /// |---|---|---|---|---|
@@ -59,7 +59,7 @@ impl Default for BeamParams {
     }
 }
 
-/// Constants of [`filter`](super::filter).
+/// Constants of `filter`.
 ///
 /// | name | value | unit | how chosen | what breaks when it is wrong |
 /// |---|---|---|---|---|
@@ -93,7 +93,7 @@ impl Default for FilterParams {
     }
 }
 
-/// Constants of [`ekf_slam`](super::ekf_slam).
+/// Constants of `ekf_slam`.
 ///
 /// | name | value | unit | how chosen | what breaks when it is wrong |
 /// |---|---|---|---|---|
@@ -180,7 +180,7 @@ impl SlamParams {
     }
 }
 
-/// Constants of [`landmark_initializer`](super::landmark_initializer).
+/// Constants of `landmark_initializer`.
 ///
 /// | name | value | unit | how chosen | what breaks when it is wrong |
 /// |---|---|---|---|---|
@@ -246,7 +246,7 @@ impl Default for InactiveParams {
     }
 }
 
-/// Constants of [`localization_monitor`](super::localization_monitor).
+/// Constants of `localization_monitor`.
 ///
 /// | name | value | unit | how chosen | what breaks when it is wrong |
 /// |---|---|---|---|---|
