@@ -12,10 +12,7 @@
 //! So a recorded session replays bit for bit. A capture is driven like this:
 //!
 //! ```
-//! use slamd_core::driver::{Driver, Record, Update};
-//! use slamd_core::event::Event;
-//! # use slamd_core::config::Config;
-//! # use slamd_core::pipeline::{Pipeline, Start};
+//! use slamd_core::{Config, Driver, Event, Pipeline, Record, Start, Update};
 //! # let records: Vec<Record> = Vec::new();
 //! let mut driver = Driver::new(Pipeline::new(&Config::default(), Start::Fresh)?);
 //! let mut poses = Vec::new();
@@ -29,7 +26,7 @@
 //! }
 //! driver.end(|_, update| observe(update));
 //! let map = driver.pipeline().raster();
-//! # Ok::<(), slamd_core::saved_state::InvalidState>(())
+//! # Ok::<(), slamd_core::InvalidState>(())
 //! ```
 //!
 //! A live program sleeps until [`Driver::next_deadline`] or until bytes come, and calls [`Driver::advance`] or [`Driver::handle`]. It writes

@@ -176,7 +176,9 @@ fn judge(ring: &Ring, rows: &[Vec<f64>], faults: &[TrueFault]) -> Detection {
 #[test]
 fn faults_put_on_a_real_ring_are_found() {
     let Some(rows) = ring24() else { return };
-    let config = Config::from_toml(&std::fs::read_to_string("configs/scitos24.toml").unwrap()).unwrap();
+    let config =
+        Config::from_toml(&std::fs::read_to_string(slamd_testkit::root().join("configs/scitos24.toml")).unwrap())
+            .unwrap();
     let ring = config.ring.ring().unwrap();
     let healthy = judge(&ring, &rows, &[]);
     let alarms_per_hour = healthy.false_alarms_per_hour().unwrap();
