@@ -53,6 +53,7 @@ pub mod link;
 mod localize;
 mod mapping;
 mod orientation;
+mod params;
 mod pipeline;
 mod position;
 mod rates;

@@ -25,6 +25,7 @@ use crate::conversation::{Conversation, Trust};
 use crate::event::{Calibration, Counters, Event, Input, Output, SensorState};
 use crate::geometry::Ring;
 use crate::mapping::raster::Raster;
+use crate::params::Params;
 use crate::saved_state::{InvalidState, SavedState};
 use crate::sweep::Sweep;
 use crate::time::Timestamp;
@@ -44,6 +45,7 @@ pub struct Pipeline {
     aligner: Aligner,
     start: Start,
     methods: Methods,
+    params: Params,
     estimator: Option<Box<dyn Estimator>>,
     /// Which encoders' counts the aligner turns over, left and right.
     reversed: [bool; 2],
@@ -68,21 +70,30 @@ impl Pipeline {
     /// # Errors
     /// As [`Pipeline::new`].
     pub fn with_methods(config: &Config, start: Start, methods: Methods) -> Result<Self, InvalidState> {
-        // The ring may become known later; whether the start can be used is said now.
-        methods(config, &Ring::default(), &start)?;
-        Ok(Self::start(config, start, methods))
+        Self::with_params(config, start, methods, Params::default())
     }
 
-    fn start(config: &Config, start: Start, methods: Methods) -> Self {
+    /// A pipeline whose default method has other constants.
+    ///
+    /// # Errors
+    /// As [`Pipeline::new`].
+    pub fn with_params(config: &Config, start: Start, methods: Methods, params: Params) -> Result<Self, InvalidState> {
+        // The ring may become known later; whether the start can be used is said now.
+        methods(config, &Ring::default(), &start, &params)?;
+        Ok(Self::start(config, start, methods, params))
+    }
+
+    fn start(config: &Config, start: Start, methods: Methods, params: Params) -> Self {
         let mut pipeline = Self {
             config: config.clone(),
             decoder: FrameDecoder::new(),
             sent: FrameDecoder::new(),
             encoder: FrameEncoder::default(),
             conversation: Conversation::new(config),
-            aligner: Aligner::new(&config.ring),
+            aligner: Aligner::with_params(&config.ring, params.align),
             start,
             methods,
+            params,
             estimator: None,
             reversed: [false; 2],
             kept_sweeps: None,
@@ -345,7 +356,7 @@ impl Pipeline {
         if self.aligner.ring() == Some(&ring) {
             return;
         }
-        self.estimator = (self.methods)(&self.config, &ring, &self.start).ok();
+        self.estimator = (self.methods)(&self.config, &ring, &self.start, &self.params).ok();
         if let Start::Resume(memory) = &self.start {
             self.events.extend(memory.faults(at, ring.len()));
         }

@@ -20,7 +20,7 @@ mod initializing;
 mod introspection;
 mod map_update;
 mod odometry_outage;
-mod params;
+pub(crate) mod params;
 mod pose_history;
 mod relocalizer;
 mod relocalizing;
@@ -28,12 +28,11 @@ mod stages;
 mod step;
 mod tracking;
 
-pub(crate) use params::Params;
-
 use crate::config::Config;
 use crate::event::Event;
 use crate::geometry::{Pose2, Ring};
 use crate::mapping::grid::OccupancyGrid;
+use crate::params::Params;
 use crate::position::ekf_slam::EkfSlam;
 use crate::saved_state::{InvalidState, SavedState};
 use crate::sweep::Sweep;
@@ -87,12 +86,12 @@ impl WallSlam {
     /// The method for a robot and its ring in an unknown building.
     #[must_use]
     pub fn new(config: &Config, ring: &Ring) -> Self {
-        Self::with_params(config, ring, Params::default())
+        Self::with_params(config, ring, &Params::default())
     }
 
     /// [`WallSlam::new`] with other constants.
     #[must_use]
-    pub fn with_params(config: &Config, ring: &Ring, params: Params) -> Self {
+    pub fn with_params(config: &Config, ring: &Ring, params: &Params) -> Self {
         Self { stages: Stages::new(config, ring, params), mode: Mode::default() }
     }
 
@@ -102,12 +101,25 @@ impl WallSlam {
     /// # Errors
     /// If the saved state is invalid.
     pub fn resume(config: &Config, ring: &Ring, memory: &SavedState) -> Result<Self, InvalidState> {
-        let mut slam = Self::new(config, ring);
-        let Stages { params, detector, grid, .. } = &mut slam.stages;
-        let mut ekf = EkfSlam::restore(memory)?;
+        Self::resume_with_params(config, ring, memory, &Params::default())
+    }
+
+    /// [`WallSlam::resume`] with other constants.
+    ///
+    /// # Errors
+    /// If the saved state is invalid.
+    pub fn resume_with_params(
+        config: &Config,
+        ring: &Ring,
+        memory: &SavedState,
+        params: &Params,
+    ) -> Result<Self, InvalidState> {
+        let mut slam = Self::with_params(config, ring, params);
+        let Stages { params, position, detector, grid, .. } = &mut slam.stages;
+        let mut ekf = EkfSlam::restore_with_params(position, memory)?;
         ekf.filter.inflate(params.resume_sigma_m, params.axis_sigma_rad);
         detector.restore(&memory.sensors)?;
-        *grid = OccupancyGrid::restore(&memory.map)?;
+        *grid = OccupancyGrid::restore_with_params(&memory.map, *grid.params())?;
         slam.mode = Mode::Tracking(Tracking { robot: RobotState::new(ekf, None, params) });
         Ok(slam)
     }
@@ -118,10 +130,11 @@ impl WallSlam {
     /// # Errors
     /// If the saved state is invalid.
     pub fn localized(mut self, memory: &SavedState, pose: Pose2, sigma_m: f64) -> Result<Self, InvalidState> {
-        let mut ekf = EkfSlam::restore(memory)?;
+        let mut ekf = EkfSlam::restore_with_params(&self.stages.position, memory)?;
         ekf.freeze_walls();
         ekf.filter.relocate(pose, sigma_m, self.stages.params.axis_sigma_rad);
-        self.stages.replace_map(OccupancyGrid::restore(&memory.map)?);
+        let grid = OccupancyGrid::restore_with_params(&memory.map, *self.stages.grid.params())?;
+        self.stages.replace_map(grid);
         self.mode = Mode::Tracking(Tracking { robot: RobotState::new(ekf, None, &self.stages.params) });
         Ok(self)
     }

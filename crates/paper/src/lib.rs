@@ -22,18 +22,24 @@ use nalgebra::Matrix3;
 use nalgebra::Vector2;
 use slamd_core::{
     Config, Estimate, Estimator, Event, InvalidState, MapChange, Method, Pipeline, Point, Pose2, Raster, Ring, Segment,
-    SensorState, Start, Sweep, Verdict, built_in,
+    SensorState, Start, Sweep, Verdict, built_in, stages,
 };
 
-/// Both methods: this one where the configuration asks for it, else those of the core.
+/// Both methods: this one where the configuration asks for it, else those of the core. `params` are the constants of the core's; this one has
+/// [`Params`] of its own.
 ///
 /// # Errors
 /// Where the saved state holds what cannot be, or the configured method cannot use it.
-pub fn methods(config: &Config, ring: &Ring, start: &Start) -> Result<Box<dyn Estimator>, InvalidState> {
+pub fn methods(
+    config: &Config,
+    ring: &Ring,
+    start: &Start,
+    params: &stages::Params,
+) -> Result<Box<dyn Estimator>, InvalidState> {
     match (config.method, start) {
         (Method::Paper, Start::Fresh) => Ok(Box::new(Paper::new(config, ring))),
         (Method::Paper, _) => Err(InvalidState("the paper's method cannot begin with a known map")),
-        _ => built_in(config, ring, start),
+        _ => built_in(config, ring, start, params),
     }
 }
 

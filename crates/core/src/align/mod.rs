@@ -5,7 +5,7 @@
 #![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
 
 pub(crate) mod clock;
-mod params;
+pub(crate) mod params;
 pub(crate) mod sweeper;
 pub(crate) mod track;
 
@@ -14,7 +14,7 @@ use crate::geometry::Ring;
 use crate::sweep::Sweep;
 use crate::time::{DeviceTime, Timestamp};
 use clock::{ClockMap, Widener};
-pub(crate) use params::Params;
+use params::Params;
 use slamd_protocol::{Encoder, Sonar};
 use std::ops::RangeInclusive;
 use sweeper::Sweeper;

@@ -60,12 +60,6 @@ pub(crate) struct EncoderChange {
 impl EncoderWatch {
     /// A watch over encoders that begin healthy.
     #[must_use]
-    pub(crate) fn new(ring: &Ring, base_m: f64) -> Self {
-        Self::with_params(ring, base_m, Params::default())
-    }
-
-    /// The same with other constants.
-    #[must_use]
     pub(crate) fn with_params(ring: &Ring, base_m: f64, params: Params) -> Self {
         let comparer = Comparer::new(ring, &params);
         let before = comparer.room();

@@ -55,7 +55,8 @@ impl FaultTest {
         SensorHistory { state: self.state, recurrences: self.recurrences }
     }
 
-    /// A restored test: a sensor just declared faulty, or one without evidence against it.
+    /// A restored test: a sensor just declared faulty, or one without evidence against it. More recurrences than these constants count,
+    /// but not more than the defaults, become their most.
     ///
     /// # Errors
     /// The number of recurrences is impossible.
@@ -64,9 +65,11 @@ impl FaultTest {
         params: &Params,
     ) -> Result<Self, InvalidState> {
         let least = if state == SensorState::Healthy { 0.0 } else { 1.0 };
-        if !(least..=params.max_recurrences).contains(&recurrences) {
+        let most = params.max_recurrences.max(Params::default().max_recurrences);
+        if !(least..=most).contains(&recurrences) {
             return Err(InvalidState("a sensor has an impossible number of fault recurrences"));
         }
+        let recurrences = recurrences.min(params.max_recurrences);
         let mut fault_test = Self { state, recurrences, ..Self::default() };
         if let SensorState::Faulty(kind) = state {
             fault_test.ratios[index_of(kind)] = params.declare;

@@ -58,6 +58,7 @@ use std::f64::consts::PI;
 /// | `endpoint_sigma_m` | 0.08 | m | first version; range noise and the width of the cone | smaller: clutter decides; larger: latency |
 /// | `max_cost` | 4 | | first version; an endpoint at 2.8 sigma and beyond costs this | larger: a hidden wall decides |
 /// | `min_compared` | 4 | endpoints | first version | smaller: two endpoints decide |
+#[expect(missing_docs, reason = "the table describes each field")]
 #[derive(Clone, Debug, PartialEq)]
 pub struct Params {
     pub calm_m2: f64,

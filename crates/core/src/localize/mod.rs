@@ -18,6 +18,7 @@ use crate::event::{
 use crate::geometry::{Pose2, Ring, Segment, wrap_angle};
 use crate::mapping::grid::{MapChange, OccupancyGrid};
 use crate::mapping::raster::Raster;
+use crate::params::Params;
 use crate::pipeline::Estimator;
 use crate::position::ekf_slam::Association;
 use crate::saved_state::{InvalidState, SavedState};
@@ -29,6 +30,7 @@ use search::{Found, Place, Searcher};
 /// Localizes the robot in a known map.
 #[derive(Debug)]
 pub(crate) struct Localizer {
+    params: Params,
     config: Config,
     ring: Ring,
     memory: Box<SavedState>,
@@ -49,49 +51,33 @@ pub(crate) struct Localizer {
     scratch: Vec<Event>,
 }
 
-/// Travel from one search to the next, metres; a radian of turning counts as half a metre.
-const SEARCH_M: f64 = 0.5;
-const M_PER_RAD: f64 = 0.5;
-/// Maximum size of a map: 200 m by 200 m of 5 cm cells, for which the search takes 270 MB.
-const MAX_CELLS: usize = 1 << 24;
-/// Minimum solid cells of the temporary map: three metres of wall.
-const MIN_SOLID: usize = 60;
-/// Minimum fit of a match, and its minimum lead over the second best.
-const MIN_FIT: f64 = 0.55;
-const MARGIN: f64 = 0.15;
-/// Two searches agree within this.
-const AGREE_M: f64 = 0.25;
-/// Standard deviation of a pose found, metres.
-const FOUND_SIGMA_M: f64 = 0.08;
-/// After so much driving with an unknown pose a warning is sent, seconds.
-const WARNING_S: f64 = 60.0;
-/// Below this share of sweeps that match a known wall, over the last hundred or so, the pose is lost.
-const LOST_SHARE: f64 = 0.1;
-const SHARE_GAIN: f64 = 0.02;
-/// Travel of both wheels in a sweep up to which the robot stands still, metres.
-const STANDSTILL_M: f64 = 1e-3;
-
 impl Localizer {
     /// A robot anywhere in the saved building.
     ///
     /// # Errors
     /// If the saved state is invalid or its map too wide.
-    pub(crate) fn new(config: &Config, ring: &Ring, memory: &SavedState) -> Result<Self, InvalidState> {
-        let known = OccupancyGrid::restore(&memory.map)?.raster();
-        if known.occupancy.len() > MAX_CELLS {
+    pub(crate) fn with_params(
+        config: &Config,
+        ring: &Ring,
+        memory: &SavedState,
+        params: &Params,
+    ) -> Result<Self, InvalidState> {
+        let known = OccupancyGrid::restore_with_params(&memory.map, params.mapping)?.raster();
+        if known.occupancy.len() > params.localize.max_cells {
             return Err(InvalidState("the map is too wide to be searched for the robot"));
         }
         let mut config = config.clone();
         // Both maps must have cells of one size.
         config.map.cell_m = memory.map.cell_m;
-        let slam = WallSlam::new(&config, ring);
-        WallSlam::new(&config, ring).localized(memory, Pose2::default(), FOUND_SIGMA_M)?;
+        let new = || WallSlam::with_params(&config, ring, params);
+        new().localized(memory, Pose2::default(), params.localize.found_sigma_m)?;
         Ok(Self {
             ring: ring.clone(),
             memory: Box::new(memory.clone()),
-            searcher: Searcher::new(&known),
+            searcher: Searcher::with_params(&known, params.localize),
             known,
-            slam: Box::new(slam),
+            slam: Box::new(new()),
+            params: params.clone(),
             config,
             is_found: false,
             last_match: None,
@@ -107,10 +93,11 @@ impl Localizer {
 
     fn search(&mut self, at: Timestamp, events: &mut Vec<Event>) -> Option<Found> {
         let pose = self.slam.pose()?;
-        let found = self.searcher.find(&self.slam.raster(), MIN_SOLID, MARGIN);
-        let accepted = found.filter(|found| found.best.fit >= MIN_FIT && found.rival.is_none());
+        let params::Params { min_solid, min_lead, min_fit, .. } = self.params.localize;
+        let found = self.searcher.find(&self.slam.raster(), min_solid, min_lead);
+        let accepted = found.filter(|found| found.best.fit >= min_fit && found.rival.is_none());
         let last = std::mem::replace(&mut self.last_match, accepted.map(|found| found.best));
-        let agreed = accepted.map(|found| found.best).filter(|best| last.is_some_and(|last| best.agrees(&last)));
+        let agreed = accepted.map(|found| found.best).filter(|best| last.is_some_and(|last| self.agree(best, &last)));
         if let Some(place) = agreed {
             self.start_tracking(at, place, place.transform * pose, events);
         }
@@ -118,10 +105,10 @@ impl Localizer {
     }
 
     fn start_tracking(&mut self, at: Timestamp, place: Place, pose: Pose2, events: &mut Vec<Event>) {
-        let fresh = WallSlam::new(&self.config, &self.ring);
+        let fresh = WallSlam::with_params(&self.config, &self.ring, &self.params);
         let local = std::mem::replace(&mut *self.slam, fresh);
-        // `new` has restored this state once, so it is valid.
-        let Ok(slam) = local.localized(&self.memory, pose, FOUND_SIGMA_M) else { return };
+        // `with_params` has restored this state once, so it is valid.
+        let Ok(slam) = local.localized(&self.memory, pose, self.params.localize.found_sigma_m) else { return };
         *self.slam = slam;
         (self.is_found, self.matching_share, self.last_match) = (true, 1.0, None);
         let reason = format!(
@@ -141,10 +128,11 @@ impl Localizer {
         let has_returns = associations.iter().any(|used| !matches!(used, Association::Unused));
         if has_returns {
             let matches_wall = associations.iter().any(|used| matches!(used, Association::Wall(_)));
-            self.matching_share += SHARE_GAIN * (f64::from(u8::from(matches_wall)) - self.matching_share);
+            self.matching_share +=
+                self.params.localize.share_gain * (f64::from(u8::from(matches_wall)) - self.matching_share);
         }
-        if is_abandoned || self.matching_share < LOST_SHARE {
-            *self.slam = WallSlam::new(&self.config, &self.ring);
+        if is_abandoned || self.matching_share < self.params.localize.lost_share {
+            *self.slam = WallSlam::with_params(&self.config, &self.ring, &self.params);
             (self.is_found, self.driven_s, self.moved_m, self.has_warned) = (false, 0.0, 0.0, false);
             self.searching_since = at;
             self.report(
@@ -153,6 +141,29 @@ impl Localizer {
                 "position lost: nothing that is heard is in the map; it is sought again".into(),
                 events,
             );
+        }
+    }
+
+    /// True if two searches found the same place.
+    fn agree(&self, a: &Place, b: &Place) -> bool {
+        let params::Params { agree_m, agree_rad, .. } = self.params.localize;
+        let apart = a.transform.position() - b.transform.position();
+        apart.norm() < agree_m && wrap_angle(a.transform.theta_rad - b.transform.theta_rad).abs() < agree_rad
+    }
+
+    /// Why a search found no place.
+    fn why_not(&self, found: Option<Found>) -> String {
+        match found {
+            None => "too few walls were heard".into(),
+            Some(Found { rival: Some(rival), best }) => format!(
+                "two places explain what was heard almost alike ({:.0} % and {:.0} %)",
+                100.0 * best.fit,
+                100.0 * rival.fit
+            ),
+            Some(Found { best, .. }) if best.fit < self.params.localize.min_fit => {
+                format!("no place in the map explains more than {:.0} % of what was heard", 100.0 * best.fit)
+            }
+            Some(_) => "the last two searches disagree".into(),
         }
     }
 
@@ -171,8 +182,8 @@ impl Estimator for Localizer {
         }
         let rolled_m = 0.5 * (sweep.left_m + sweep.right_m).abs();
         let turned_rad = (sweep.right_m - sweep.left_m).abs() / self.config.robot.wheel_base_m;
-        self.moved_m += rolled_m + M_PER_RAD * turned_rad;
-        if sweep.left_m.abs() + sweep.right_m.abs() > STANDSTILL_M {
+        self.moved_m += rolled_m + self.params.localize.turn_m_per_rad * turned_rad;
+        if sweep.left_m.abs() + sweep.right_m.abs() > self.params.localize.standstill_m {
             self.driven_s += sweep.elapsed_s;
         }
         if self.is_found {
@@ -185,13 +196,13 @@ impl Estimator for Localizer {
         // Poses in the temporary map's frame, and changes of its localization, mean nothing outside.
         let is_private = |event: &Event| matches!(event, Event::Estimate(_) | Event::Localization(_));
         events.extend(self.scratch.drain(..).filter(|event| !is_private(event)));
-        if self.moved_m >= SEARCH_M {
+        if self.moved_m >= self.params.localize.search_m {
             self.moved_m = 0.0;
             let found = self.search(sweep.at, events);
-            if !self.is_found && self.driven_s > WARNING_S && !self.has_warned {
+            if !self.is_found && self.driven_s > self.params.localize.warning_s && !self.has_warned {
                 self.has_warned = true;
                 let reason =
-                    format!("position still unknown after {:.0} s of driving: {}", self.driven_s, why_not(found));
+                    format!("position still unknown after {:.0} s of driving: {}", self.driven_s, self.why_not(found));
                 self.report(sweep.at, SearchState::StillUnknown, reason, events);
             }
         }
@@ -231,28 +242,6 @@ impl Estimator for Localizer {
     }
 }
 
-impl Place {
-    fn agrees(&self, other: &Self) -> bool {
-        let apart = self.transform.position() - other.transform.position();
-        apart.norm() < AGREE_M && wrap_angle(self.transform.theta_rad - other.transform.theta_rad).abs() < 0.1
-    }
-}
-
 fn is_abandoned(event: &Event) -> bool {
     matches!(event, Event::Localization(LocalizationEvent { change: LocalizationChange::Abandoned, .. }))
-}
-
-fn why_not(found: Option<Found>) -> String {
-    match found {
-        None => "too few walls were heard".into(),
-        Some(Found { rival: Some(rival), best }) => format!(
-            "two places explain what was heard almost alike ({:.0} % and {:.0} %)",
-            100.0 * best.fit,
-            100.0 * rival.fit
-        ),
-        Some(Found { best, .. }) if best.fit < MIN_FIT => {
-            format!("no place in the map explains more than {:.0} % of what was heard", 100.0 * best.fit)
-        }
-        Some(_) => "the last two searches disagree".into(),
-    }
 }

@@ -29,9 +29,6 @@ pub struct Found {
     pub rival: Option<Place>,
 }
 
-/// Points of one kind at most; this bounds the time.
-const MAX_POINTS: usize = 500;
-
 /// The new map's points under one of the headings, in cells.
 struct Turned {
     points: [Vec<[i32; 2]>; 2],
@@ -100,7 +97,7 @@ impl Searcher {
     /// Middles of the cells of one kind, in metres, thinned evenly.
     fn points(&self, new: &Raster, is_kind: impl Fn(usize) -> bool) -> Vec<Point> {
         let cells: Vec<usize> = (0..new.occupancy.len()).filter(|&cell| is_kind(cell)).collect();
-        let stride = cells.len().div_ceil(MAX_POINTS).max(1);
+        let stride = cells.len().div_ceil(self.params.max_points.max(1)).max(1);
         let middle = |cell: usize| {
             let (column, row) = (cell % new.width, cell / new.width);
             new.origin + Point::new(column as f64 + 0.5, row as f64 + 0.5).coords * new.cell_m

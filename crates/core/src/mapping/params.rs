@@ -22,6 +22,7 @@
 /// | `unheard_part` | 0.6 | of the range | by hand; far surfaces may not answer | larger: far walls are cleared; smaller: coverage in halls |
 /// | `shortfall_cells` | 1.5 | cells | by hand; clearing stops this far before the return | smaller: range noise clears the wall itself |
 /// | `sin_mirror` | 0.5 | | by hand; the sine of 30° of incidence | larger: steep walls are cleared; smaller: false walls stay |
+#[expect(missing_docs, reason = "the table describes each field")]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Params {
     pub floor: i16,

@@ -11,7 +11,7 @@ pub struct Params {
     pub start: StartParams,
 }
 
-/// Constants of [`dominant_directions`](super::dominant_directions). A direction is one degree.
+/// Constants of `dominant_directions`. A direction is one degree.
 ///
 /// | name | value | unit | how chosen | what breaks when it is wrong |
 /// |---|---|---|---|---|
@@ -21,6 +21,7 @@ pub struct Params {
 /// | `near_directions` | 8 | directions | by hand: wheels within their prior turn the axis by less | too small: the true axis is missed; too large: time |
 /// | `peak_directions` | 6 | directions | by hand | too small: noise moves the vertex; too large: other peaks do |
 /// | `own_directions` | 15 | directions | by hand: half of the 30 degrees at which the simulator's furniture stands | too small: the peak's own flank is its rival; too large: furniture is none |
+#[expect(missing_docs, reason = "the table describes each field")]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DirectionsParams {
     pub min_contrast: f64,
@@ -44,13 +45,14 @@ impl Default for DirectionsParams {
     }
 }
 
-/// Constants of [`start`](super::start).
+/// Constants of `start`.
 ///
 /// | name | value | unit | how chosen | what breaks when it is wrong |
 /// |---|---|---|---|---|
 /// | `prior` | 0.02 | log strength | by hand | too small: chance moves the wheels; too large: wheels stay as configured and bend the first map |
 /// | `rounds` | [1.5, 1.0, 0.5, 0.25] | sigma | by hand: far first, then between | too far: wrong wheels fit by chance; too near: bad wheels are out of reach |
 /// | `max_returns` | 1_600 | returns | by hand: bounds the time of a sweep; more returns made wheels three times as bad no better (docs/accuracy.md) | too small: a coarse axis; too large: a sweep takes too long |
+#[expect(missing_docs, reason = "the table describes each field")]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StartParams {
     pub prior: f64,

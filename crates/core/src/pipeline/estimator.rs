@@ -6,6 +6,7 @@ use crate::geometry::{Ring, Segment};
 use crate::localize::Localizer;
 use crate::mapping::grid::MapChange;
 use crate::mapping::raster::Raster;
+use crate::params::Params;
 use crate::saved_state::{InvalidState, SavedState};
 use crate::sweep::Sweep;
 use crate::wall_slam::WallSlam;
@@ -70,23 +71,28 @@ pub trait Estimator: std::fmt::Debug + Send {
     }
 }
 
-/// Makes the configured method for a ring and a start.
+/// Makes the configured method for a ring and a start, with the given constants of the default method's stages.
 ///
 /// # Errors
 /// Where the saved state holds what cannot be, or the method cannot use it.
-pub type Methods = fn(&Config, &Ring, &Start) -> Result<Box<dyn Estimator>, InvalidState>;
+pub type Methods = fn(&Config, &Ring, &Start, &Params) -> Result<Box<dyn Estimator>, InvalidState>;
 
 /// The methods of this crate: the default one, and the search in a known map.
 ///
 /// # Errors
 /// As [`Methods`]; for [`Method::Paper`], which is a crate of its own.
-pub fn built_in(config: &Config, ring: &Ring, start: &Start) -> Result<Box<dyn Estimator>, InvalidState> {
+pub fn built_in(
+    config: &Config,
+    ring: &Ring,
+    start: &Start,
+    params: &Params,
+) -> Result<Box<dyn Estimator>, InvalidState> {
     if config.method == Method::Paper {
         return Err(InvalidState("the paper's method is not in this program"));
     }
     Ok(match start {
-        Start::Fresh => Box::new(WallSlam::new(config, ring)),
-        Start::Resume(state) => Box::new(WallSlam::resume(config, ring, state)?),
-        Start::Localize(state) => Box::new(Localizer::new(config, ring, state)?),
+        Start::Fresh => Box::new(WallSlam::with_params(config, ring, params)),
+        Start::Resume(state) => Box::new(WallSlam::resume_with_params(config, ring, state, params)?),
+        Start::Localize(state) => Box::new(Localizer::with_params(config, ring, state, params)?),
     })
 }

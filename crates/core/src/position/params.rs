@@ -31,7 +31,7 @@ pub(crate) const fn degrees(angle: f64) -> f64 {
     angle * PI / 180.0
 }
 
-/// Constants of [`beam_model`](super::beam_model).
+/// Constants of `beam_model`.
 ///
 /// | name | value | unit | how chosen | what breaks when it is wrong |
 /// |---|---|---|---|---|
@@ -59,7 +59,7 @@ impl Default for BeamParams {
     }
 }
 
-/// Constants of [`filter`](super::filter).
+/// Constants of `filter`.
 ///
 /// | name | value | unit | how chosen | what breaks when it is wrong |
 /// |---|---|---|---|---|
@@ -69,6 +69,7 @@ impl Default for BeamParams {
 /// | `slip_gain` | 0.01 | - | by hand: about a hundred sweeps of memory | too small: slip is found too late; too large: single outliers count as slip |
 /// | `max_nis` | 9.0 | sigma² | by hand: 3 sigma | too large: single outliers count as slip |
 /// | `wheel_drift_m` | 2e-8 | 1/m (variance per m) | by hand | too small: worn wheels or another carpet are never estimated; too large: the calibration wanders |
+#[expect(missing_docs, reason = "the table describes each field")]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FilterParams {
     pub start_sigma_m: f64,
@@ -92,7 +93,7 @@ impl Default for FilterParams {
     }
 }
 
-/// Constants of [`ekf_slam`](super::ekf_slam).
+/// Constants of `ekf_slam`.
 ///
 /// | name | value | unit | how chosen | what breaks when it is wrong |
 /// |---|---|---|---|---|
@@ -117,6 +118,7 @@ impl Default for FilterParams {
 /// | `same_gate` | 9.0 | sigma² | by hand: 3 sigma | too small: walls double; too large: two walls merge that the filter tells apart |
 /// | `relocalized_sigma_m` | 0.05 | m | by hand: the search's bin | too small: the first walls fail the gate; too large: they match the wrong wall |
 /// | `relocalized_sigma_rad` | 2.0 | deg | by hand | as above |
+#[expect(missing_docs, reason = "the table describes each field")]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SlamParams {
     pub gate_sigma: f64,
@@ -178,7 +180,7 @@ impl SlamParams {
     }
 }
 
-/// Constants of [`landmark_initializer`](super::landmark_initializer).
+/// Constants of `landmark_initializer`.
 ///
 /// | name | value | unit | how chosen | what breaks when it is wrong |
 /// |---|---|---|---|---|
@@ -191,6 +193,7 @@ impl SlamParams {
 /// | `max_scatter_m` | 0.028 | m | by hand; prototype: below 25 mm in a 5 cm accumulator | too small: noisy sensors make no wall; too large: slanted things become walls |
 /// | `max_oblique_rad` | 16.0 | deg | by hand | too large: edge errors bend new walls |
 /// | `max_idle_sweeps` | 60 | sweeps | by hand: six seconds at 10 Hz | too small: walls in passing are lost; too large: drifted poses mix |
+#[expect(missing_docs, reason = "the table describes each field")]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InitializerParams {
     pub near_m: f64,
@@ -228,6 +231,7 @@ impl Default for InitializerParams {
 /// | `reactivate_m` | 4.5 | m | by hand: beyond the range, below `deactivate_m` | too small: known walls are initialized again; too large: walls go in and out |
 /// | `lookahead_m` | 1.0 | m | by hand: all walls are searched once per so much travel, so that the cost does not grow with the building | too small: time per sweep grows with the map |
 /// | `spare` | 12 | walls | by hand | too small: no slot for a new wall; too large: fewer walls in use |
+#[expect(missing_docs, reason = "the table describes each field")]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InactiveParams {
     pub deactivate_m: f64,
@@ -242,7 +246,7 @@ impl Default for InactiveParams {
     }
 }
 
-/// Constants of [`localization_monitor`](super::localization_monitor).
+/// Constants of `localization_monitor`.
 ///
 /// | name | value | unit | how chosen | what breaks when it is wrong |
 /// |---|---|---|---|---|
@@ -254,6 +258,7 @@ impl Default for InactiveParams {
 /// | `max_sure` | 0.12 | - | by hand | too small: the doubt never ends; too large: it ends at a wrong pose |
 /// | `max_learning` | 0.25 | - | by hand | too small: furniture suspends the map; too large: a second map starts |
 /// | `max_kept` | 0.45 | - | by hand | too small: false alarms; too large: a lost robot maps on |
+#[expect(missing_docs, reason = "the table describes each field")]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MonitorParams {
     pub max_error_m: f64,
@@ -288,6 +293,7 @@ impl Default for MonitorParams {
 /// | `gain` | 0.1 | - | by hand: some twenty innovations of memory | too small: a repeated error is noticed late; too large: chance looks like one |
 /// | `white_sigma` | 2.0 | sigma | by hand: 95 % of white means lie within | too small: good headings count for less; too large: repeated errors turn the robot |
 /// | `max_sigma` | 3.0 | sigma | by hand | too large: one outlier counts as a repeated error |
+#[expect(missing_docs, reason = "the table describes each field")]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WhitenessParams {
     pub gain: f64,
@@ -301,7 +307,7 @@ impl Default for WhitenessParams {
     }
 }
 
-pub(crate) use super::relocalize::RelocalizeParams;
+pub use super::relocalize::RelocalizeParams;
 
 /// Differences between the tables and the defaults of a source: each row's value must stand in its struct's `Default`.
 #[cfg(test)]

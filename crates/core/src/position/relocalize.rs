@@ -56,6 +56,7 @@ pub(crate) struct PoseHypothesis {
 /// | `per_metre` | 0.2 | 1/m | by hand: wheels slip by little more often than by much | too small: far poses win by chance; too large: a carried robot is found nearby |
 /// | `per_move` | 0.25 | - | by hand | as `per_metre`, for far moves |
 /// | `per_quarter` | 0.35 | 1/quarter turn | simulated drives: with 0.12 and 0.25 a flat of the same walls twice was turned over | too small: symmetric buildings turn over; too large: a robot that was turned by hand stays lost |
+#[expect(missing_docs, reason = "the table describes each field")]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RelocalizeParams {
     pub reach_m: f64,

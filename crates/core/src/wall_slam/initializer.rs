@@ -12,6 +12,7 @@ use crate::event::Calibration;
 use crate::geometry::{Pose2, wrap_angle};
 use crate::orientation::dominant_directions::{Axis, DominantDirections};
 use crate::orientation::start::{Search, Step};
+use crate::position;
 use crate::position::ekf_slam::EkfSlam;
 use crate::sweep::Sweep;
 use std::f64::consts::FRAC_PI_2;
@@ -36,8 +37,8 @@ pub(super) struct Initialized {
 impl Initializer {
     /// Collects a sweep, and searches the axis. A robot at standstill adds no information: such sweeps are dropped.
     pub(super) fn add(&mut self, judged: &Judged<'_>, stages: &mut Stages) -> Option<Initialized> {
-        let Stages { params, wheels, finder, detector, .. } = stages;
-        let (sweep, params) = (judged.sweep(), &*params);
+        let Stages { params, position, wheels, finder, detector, .. } = stages;
+        let (sweep, params, position) = (judged.sweep(), &*params, &*position);
         let stands = sweep.left_m == 0.0 && sweep.right_m == 0.0;
         if stands && self.sweeps.len() >= params.axis_every_sweeps && self.search.is_none() {
             return None;
@@ -54,8 +55,8 @@ impl Initializer {
         }
         // Without an axis every direction is as good: the first heading becomes the map's x axis.
         let ekf = axis.map_or_else(
-            || ekf_at(0.0, 0.25 * FRAC_PI_2, wheels),
-            |axis| refine(-axis.angle_rad, &sweeps, wheels, |sensor| detector.is_trusted(sensor), params),
+            || ekf_at(position, 0.0, 0.25 * FRAC_PI_2, wheels),
+            |axis| refine(-axis.angle_rad, &sweeps, wheels, |sensor| detector.is_trusted(sensor), params, position),
         );
         let robot = RobotState::new(ekf, sweeps.first().map(|first| first.index), params);
         Some(Initialized { robot, backlog: Backlog::new(sweeps) })
@@ -101,8 +102,8 @@ impl Initializer {
     }
 }
 
-fn ekf_at(heading_rad: f64, sigma_rad: f64, wheels: &Calibration) -> EkfSlam {
-    EkfSlam::new(Pose2::new(0.0, 0.0, heading_rad), sigma_rad, *wheels)
+fn ekf_at(params: &position::params::Params, heading_rad: f64, sigma_rad: f64, wheels: &Calibration) -> EkfSlam {
+    EkfSlam::with_params(params, Pose2::new(0.0, 0.0, heading_rad), sigma_rad, *wheels)
 }
 
 /// Follows the sweeps to the last and back, several times; a filter at the heading that the axis and the ways back agree on.
@@ -112,11 +113,12 @@ fn refine(
     wheels: &Calibration,
     is_trusted: impl Fn(usize) -> bool,
     params: &Params,
+    position: &position::params::Params,
 ) -> EkfSlam {
-    let mut agreed = ekf_at(axis_rad, params.axis_sigma_rad, wheels);
+    let mut agreed = ekf_at(position, axis_rad, params.axis_sigma_rad, wheels);
     for _ in 0..params.refine_passes {
         let from_rad = agreed.filter.pose().theta_rad;
-        let mut trial = ekf_at(from_rad, params.axis_sigma_rad, wheels);
+        let mut trial = ekf_at(position, from_rad, params.axis_sigma_rad, wheels);
         for sweep in sweeps {
             trial.predict(sweep.left_m, sweep.right_m);
             trial.correct(sweep, true, &is_trusted);
@@ -128,7 +130,7 @@ fn refine(
         let (back_rad, sigma_rad) = (trial.filter.pose().theta_rad, trial.filter.pose_covariance()[(2, 2)].sqrt());
         let apart_rad = wrap_angle(from_rad - back_rad);
         let weight = 0.5 / (1.0 + (apart_rad / params.refine_apart_rad).powi(2));
-        agreed = ekf_at(wrap_angle(back_rad + weight * apart_rad), sigma_rad, wheels);
+        agreed = ekf_at(position, wrap_angle(back_rad + weight * apart_rad), sigma_rad, wheels);
     }
     agreed
 }

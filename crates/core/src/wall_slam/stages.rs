@@ -9,6 +9,8 @@ use crate::fault::encoder::{EncoderChange, EncoderWatch};
 use crate::geometry::{Placement, Ring};
 use crate::mapping::grid::OccupancyGrid;
 use crate::orientation::dominant_directions::DominantDirections;
+use crate::params;
+use crate::position;
 use crate::position::ekf_slam::EkfSlam;
 use crate::sweep::{Beam, Sweep};
 use crate::time::Timestamp;
@@ -17,6 +19,8 @@ use crate::time::Timestamp;
 #[derive(Debug)]
 pub(super) struct Stages {
     pub(super) params: Params,
+    /// The constants of each new [`EkfSlam`].
+    pub(super) position: position::params::Params,
     pub(super) max_range_m: f64,
     /// The wheels as configured.
     pub(super) wheels: Calibration,
@@ -33,25 +37,27 @@ pub(super) struct Stages {
 }
 
 /// The returns since the last check of the heading.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct HeadingCheck {
     directions: DominantDirections,
     sweeps: usize,
 }
 
 impl Stages {
-    pub(super) fn new(config: &Config, ring: &Ring, params: Params) -> Self {
+    pub(super) fn new(config: &Config, ring: &Ring, params: &params::Params) -> Self {
+        let finder = DominantDirections::new(params.orientation);
         Self {
             max_range_m: config.ring.max_range_m,
             wheels: config.robot.wheels(),
-            detector: Detector::new(ring, config.ring.max_range_m),
-            encoders: EncoderWatch::new(ring, config.robot.wheel_base_m),
-            heading_check: HeadingCheck::default(),
-            finder: DominantDirections::default(),
-            grid: OccupancyGrid::new(config.map.cell_m),
-            can_detect_loss: ring.len() >= params.min_sensors_to_detect_loss,
+            detector: Detector::with_params(ring, config.ring.max_range_m, params.fault.clone()),
+            encoders: EncoderWatch::with_params(ring, config.robot.wheel_base_m, params.fault.clone()),
+            heading_check: HeadingCheck { directions: finder.clone(), sweeps: 0 },
+            finder,
+            grid: OccupancyGrid::with_params(config.map.cell_m, params.mapping),
+            can_detect_loss: ring.len() >= params.wall_slam.min_sensors_to_detect_loss,
             last_agreement: (0, Timestamp::default()),
-            params,
+            params: params.wall_slam,
+            position: params.position,
         }
     }
 
@@ -103,6 +109,20 @@ impl Stages {
 
     /// Discards the map: the encoder was faulty when it began.
     pub(super) fn discard_map(&mut self) {
-        self.replace_map(OccupancyGrid::new(self.grid.cell_m()));
+        self.replace_map(OccupancyGrid::with_params(self.grid.cell_m(), *self.grid.params()));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_discarded_map_leaves_its_constants() {
+        let mut params = params::Params::default();
+        params.mapping.wall = 34;
+        let mut stages = Stages::new(&Config::default(), &Ring::default(), &params);
+        stages.discard_map();
+        assert_eq!(*stages.grid.params(), params.mapping);
     }
 }

@@ -8,6 +8,7 @@ mod link_states;
 mod localize;
 mod lock;
 mod noisy_map;
+mod params;
 mod resume;
 mod sensor_faults;
 mod time_jumps;
