@@ -112,7 +112,7 @@ fn play(kind: Kind, speed: f64) -> Cost {
         std::thread::sleep(due.saturating_duration_since(Instant::now()));
         let before = session.pipeline().counters().sweeps;
         let (wall, cpu) = (Instant::now(), cpu_s(ClockId::ThreadCPUTime));
-        step(&mut session, record).expect("outputs can be written");
+        step(&mut session, &record).expect("outputs can be written");
         if session.pipeline().counters().sweeps > before {
             sweeps.push(wall.elapsed().as_secs_f64());
             pipeline_cpu.push(cpu_s(ClockId::ThreadCPUTime) - cpu);

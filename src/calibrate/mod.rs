@@ -5,7 +5,7 @@
 //! `measured − expected = b cos(eps) + a r sin(eps) s − h r sin(eps)`
 //!
 //! b is the range bias, a the bearing offset, h an error of the cone's half angle, eps how far the wall's normal lies outside the
-//! cone on its side s = ±1 ([`slamd_core::position::beam_model`]). Least squares with Cauchy weights estimate b, a and h per sensor. The
+//! cone on its side s = ±1 (the beam model). Least squares with Cauchy weights estimate b, a and h per sensor. The
 //! drive is then mapped again with the corrections and the remainder is estimated ([`PASSES`] times), because a map from biased sensors is
 //! slightly wrong itself.
 //!

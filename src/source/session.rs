@@ -1,6 +1,6 @@
 //! One session: a driver, its output folder and its log.
 //!
-//! [`slamd_core::driver`] keeps the order of deadlines and inputs, so that a recording replays bit for bit.
+//! [`slamd_core::Driver`] keeps the order of deadlines and inputs, so that a recording replays bit for bit.
 
 use super::event_log::EventLog;
 use bytes::Bytes;

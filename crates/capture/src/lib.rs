@@ -40,7 +40,7 @@ pub struct CaptureInfo {
     pub protocol_version: String,
     /// The effective configuration as TOML.
     pub config_toml: String,
-    /// Unix time in microseconds at [`Timestamp`] zero; `None` if unknown.
+    /// Unix time in microseconds at `Timestamp` zero; `None` if unknown.
     pub unix_zero_us: Option<u64>,
     /// Free text: where and what was recorded, and the licence.
     pub notes: String,

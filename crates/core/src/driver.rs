@@ -125,7 +125,7 @@ pub struct Context<'a> {
 /// Observes a session. It must not wait: the pipeline runs on the same thread.
 pub type Watcher = Box<dyn FnMut(&Context<'_>, Update<'_>)>;
 
-/// A pipeline and its session time. See the [module](self) for the run loop.
+/// A pipeline and its session time. The crate page has the run loop.
 #[derive(Debug)]
 pub struct Driver {
     pipeline: Pipeline,

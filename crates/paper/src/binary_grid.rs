@@ -83,7 +83,7 @@ impl BinaryGrid {
     }
 
     /// The map drawn over all tiles: occupied 100, crossed by a beam 0, else unknown. Cells are 1 cm, doubled until there are no more
-    /// than [`slamd_core::stages::raster::MAX_CELLS`]: a lost robot's map may be large. An empty grid gives an empty raster.
+    /// than [`slamd_core::stages::MAX_CELLS`]: a lost robot's map may be large. An empty grid gives an empty raster.
     #[must_use]
     pub fn raster(&self) -> Raster {
         let Some(((left, right), (bottom, top))) = self.bounds() else {

@@ -8,7 +8,7 @@
 //! The thresholds are tuned on simulated sweeps with 2 cm of range noise: healthy sensors then have q ≈ σ² / 6 = 0.7 cm² and
 //! MSPE ≈ 0.6 cm²; 20 cm of noise have q ≈ 70 cm².
 //!
-//! **Two additions.** [`pca`](slamd_core::fault::pca) cannot see a row that never changes, so a sensor without a single measurement in nine
+//! **Two additions.** [`pca`](slamd_core::stages::PcaBlock) cannot see a row that never changes, so a sensor without a single measurement in nine
 //! instants is declared missing, and one that reads the same distance nine times while the robot moves is declared stuck.
 //!
 //! **What it cannot see.** A sensor that always saturates is such a row, too, and silence in an open room is healthy: only

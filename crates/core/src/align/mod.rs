@@ -111,7 +111,7 @@ impl Aligner {
     /// new one, and its own, if it is the last.
     ///
     /// # Errors
-    /// [`Restarted`] if its stamp jumped back; call [`Aligner::restart`].
+    /// `Restarted` if its stamp jumped back; call [`Aligner::restart`].
     pub fn sonar(&mut self, sonar: &Sonar, at: Timestamp, mut each: impl FnMut(&Sweep)) -> Result<(), Restarted> {
         let trigger = self.stamped(sonar.t_us, at)?;
         let (Some(wheels), true) = (self.wheels, self.sweeper.is_some()) else {
@@ -133,7 +133,7 @@ impl Aligner {
     /// Encoder counts arrived at `at`.
     ///
     /// # Errors
-    /// [`Restarted`] if their stamp jumped back; call [`Aligner::restart`].
+    /// `Restarted` if their stamp jumped back; call [`Aligner::restart`].
     pub fn encoder(&mut self, encoder: &Encoder, at: Timestamp) -> Result<(), Restarted> {
         let latched = self.stamped(encoder.t_us, at)?;
         if let Some(wheels) = self.wheels {
@@ -145,7 +145,7 @@ impl Aligner {
     /// The board answered a time request sent at `sent`; the answer arrived at `at`.
     ///
     /// # Errors
-    /// [`Restarted`] if its stamps jumped back; call [`Aligner::restart`].
+    /// `Restarted` if its stamps jumped back; call [`Aligner::restart`].
     pub fn round_trip(&mut self, sent: Timestamp, rx_us: u32, tx_us: u32, at: Timestamp) -> Result<(), Restarted> {
         let received = self.widener.widen(rx_us).ok_or(Restarted)?;
         let answered = self.widener.widen(tx_us).ok_or(Restarted)?;

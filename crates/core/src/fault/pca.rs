@@ -74,7 +74,7 @@ impl PcaBlock {
     ///
     /// `weight` gives each sensor's say, from 0 to 1, in what the first component *is*, from its number and its variation in this
     /// block (the mean square of its centred rows, square metres); it does not change how its residual is measured. With weight 1
-    /// everywhere this is the paper, and a single wild sensor *is* the first component, residual 0. [`cauchy_weight`] of the
+    /// everywhere this is the paper, and a single wild sensor *is* the first component, residual 0. `cauchy_weight` of the
     /// variation keeps it from that; a weight by the last residual does not, for that residual was 0.
     pub fn analyse(&mut self, weight: impl Fn(usize, f64) -> f64) -> f64 {
         let sensors = self.residuals_m2.len();

@@ -3,8 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
 use slamd_capture::Record;
-use slamd_core::stages::Params;
-use slamd_core::{Config, Event, Pipeline, Raster, SavedState, Start, built_in};
+use slamd_core::{Config, Event, Pipeline, Raster, SavedState, Start, built_in, stages::Params};
 use slamd_metrics::AccuracyMeter;
 use slamd_sim::fault::FaultMix;
 use slamd_sim::link::LinkFaults;

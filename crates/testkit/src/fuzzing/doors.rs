@@ -85,7 +85,7 @@ pub fn line(mut pieces: &[u8], config: &Config) -> Outcome {
 /// No message has this type.
 pub const NOISE: u8 = 0xFF;
 
-/// A frame as a piece for [`line`].
+/// A frame as a piece for `line`.
 pub fn piece(kind: u8, payload: &[u8]) -> Vec<u8> {
     let length = u8::try_from(payload.len()).expect("a payload's length");
     [&[kind, length][..], payload].concat()
