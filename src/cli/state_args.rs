@@ -43,6 +43,12 @@ impl StateArgs {
                 "the paper's method has no state that could be saved; use --method walls",
             ));
         }
+        if config.method == Method::Paper && (self.resume.is_some() || self.localize.is_some()) {
+            return Err(Failure::new(
+                Kind::Usage,
+                "the paper's method cannot begin with a known map; use --method walls",
+            ));
+        }
         let load = |path: &Path| -> Result<Box<SavedState>, Failure> { Ok(Box::new(session_file::read(path)?)) };
         let (start, path) = match (self.resumed()?, &self.localize) {
             (Some(path), _) => (Start::Resume(load(path)?), Some(path)),

@@ -231,7 +231,7 @@ impl<R: Read> CaptureReader<R> {
             McapError::UnexpectedEof => {
                 self.finished = true;
                 self.damage = Some(format!(
-                    "the file was not finished: it holds everything up to {:.3} s, and what was recorded behind that \
+                    "the file was not finished: it holds everything up to {:.3} s, and what was recorded after that \
                      (0.1 s where the recorder was killed) is missing",
                     self.last.seconds()
                 ));
@@ -244,7 +244,7 @@ impl<R: Read> CaptureReader<R> {
     fn damaged(&mut self, what: &str) {
         self.finished = true;
         self.damage = Some(format!(
-            "the file is damaged behind {:.3} s and nothing after that was read: {what}",
+            "the file is damaged after {:.3} s and nothing after that was read: {what}",
             self.last.seconds()
         ));
     }

@@ -1,5 +1,12 @@
 //! Maps a capture with `slamd-core` alone: `cargo run -p slamd-core --example replay -- replay/flat-paper-faults.mcap`
-use slamd_core::{Config, Driver, Pipeline, Record, Start, Timestamp};
+//! with the default robot. `slamd replay` takes the robot from the capture.
+use slamd_core::{Config, Context, Driver, Estimate, Event, Pipeline, Record, Start, Timestamp, Update};
+
+fn print(_: &Context<'_>, update: Update<'_>) {
+    if let Update::Event(Event::Estimate(Estimate { at, pose, .. })) = update {
+        println!("{:.3} s: {:.3} m, {:.3} m, {:.4} rad", at.seconds(), pose.x_m, pose.y_m, pose.theta_rad);
+    }
+}
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let file = std::fs::read(std::env::args().nth(1).ok_or("name a capture")?)?;
@@ -13,10 +20,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             "/serial/tx" => Record::Sent { at, bytes },
             _ => continue,
         };
-        driver.feed(&record, |_, _| {});
+        driver.feed(&record, print);
     }
-    driver.end(|_, _| {});
-    let (map, wheels) = (driver.pipeline().raster(), driver.pipeline().calibration());
-    println!("a map of {} x {} cells of {} m, and {wheels:?}", map.width, map.height, map.cell_m);
+    driver.end(print);
+    let map = driver.pipeline().raster();
+    println!("a map of {} x {} cells of {} m", map.width, map.height, map.cell_m);
     Ok(())
 }

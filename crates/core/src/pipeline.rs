@@ -60,7 +60,7 @@ impl Pipeline {
     /// A pipeline that has heard nothing yet, with the methods of this crate.
     ///
     /// # Errors
-    /// Where the start's saved state holds what cannot be, or the configured method is not there or cannot use it.
+    /// Where the start's saved state is invalid, or the configured method is not there or cannot use it.
     pub fn new(config: &Config, start: Start) -> Result<Self, InvalidState> {
         Self::with_methods(config, start, built_in)
     }
@@ -292,7 +292,7 @@ impl Pipeline {
         self.turn_encoders();
     }
 
-    /// Takes the counts of encoders that were found to run backwards with the sign turned over.
+    /// Negates the counts of encoders that were found to run backwards.
     fn turn_encoders(&mut self) {
         let reversed = self.estimator.as_ref().map_or([false; 2], |estimator| estimator.reversed_encoders());
         for (wheel, (now, before)) in reversed.iter().zip(self.reversed).enumerate() {

@@ -95,7 +95,7 @@ impl Diagnostics {
                     LocalizationChange::Lost => Status::new(
                         Level::Error,
                         "lost",
-                        "position lost: what is heard contradicts the map",
+                        "position lost: the echoes contradict the map",
                         Some(event.since),
                     ),
                     LocalizationChange::Regained { .. } => {

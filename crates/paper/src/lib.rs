@@ -29,7 +29,7 @@ use slamd_core::{
 /// [`Params`] of its own.
 ///
 /// # Errors
-/// Where the saved state holds what cannot be, or the configured method cannot use it.
+/// Where the saved state is invalid, or the configured method cannot use it.
 pub fn methods(
     config: &Config,
     ring: &Ring,

@@ -213,9 +213,9 @@ fn reason(change: &EncoderChange) -> String {
         (_, EncoderState::Dead) => format!(
             "the {wheel} encoder stands still while the walls go by: the robot's place is unknown until it counts; check its supply and its two wires"
         ),
-        (_, EncoderState::Reversed) => format!(
-            "the {wheel} encoder counts backwards: swap its two wires; until then its counts are taken with the sign turned over"
-        ),
+        (_, EncoderState::Reversed) => {
+            format!("the {wheel} encoder counts backwards: swap its two wires; until then its counts are negated")
+        }
         (EncoderState::Reversed, _) => format!("the {wheel} encoder counts forwards again"),
         (_, EncoderState::Healthy) => format!("the {wheel} encoder counts again"),
     }

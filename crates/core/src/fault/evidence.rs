@@ -48,16 +48,14 @@ impl Evidence {
             SensorState::Healthy => format!("sensor {sensor} measures again"),
             SensorState::Faulty(FaultKind::Saturated) => match (self.expected, self.neighbours) {
                 (Some(Expected { range_m, .. }), None) => {
-                    format!(
-                        "sensor {sensor} hears nothing, again and again, where the map has a wall at {range_m:.1} m"
-                    )
+                    format!("sensor {sensor} repeatedly reports no echo where the map has a wall at {range_m:.1} m")
                 }
                 (_, Some(seen)) => format!(
-                    "sensor {sensor} hears nothing, again and again, where {} neighbours see a wall at {:.1} m",
+                    "sensor {sensor} repeatedly reports no echo where {} neighbours see a wall at {:.1} m",
                     number(seen.witnesses),
                     seen.range_m
                 ),
-                (None, None) => format!("sensor {sensor} hears nothing, again and again, where there are walls"),
+                (None, None) => format!("sensor {sensor} repeatedly reports no echo where there are walls"),
             },
             SensorState::Faulty(FaultKind::Missing) => {
                 let why = match self.no_measurement {

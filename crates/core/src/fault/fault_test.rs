@@ -269,7 +269,7 @@ mod tests {
         until_changed(&mut fault_test, |_| silent);
         assert_eq!(
             fault_test.reason(7, &silent),
-            "sensor 7 hears nothing, again and again, where three neighbours see a wall at 1.2 m"
+            "sensor 7 repeatedly reports no echo where three neighbours see a wall at 1.2 m"
         );
     }
 

@@ -50,7 +50,7 @@ pub trait Estimator: std::fmt::Debug + Send {
     /// The walls that are known, map frame.
     fn segments(&self) -> Vec<Segment>;
 
-    /// Which encoders' counts are to be taken with the sign turned over, left and right.
+    /// Which encoders' counts to negate, left and right.
     fn reversed_encoders(&self) -> [bool; 2] {
         [false; 2]
     }
@@ -74,7 +74,7 @@ pub trait Estimator: std::fmt::Debug + Send {
 /// Makes the configured method for a ring and a start, with the given constants of the default method's stages.
 ///
 /// # Errors
-/// Where the saved state holds what cannot be, or the method cannot use it.
+/// Where the saved state is invalid, or the method cannot use it.
 pub type Methods = fn(&Config, &Ring, &Start, &Params) -> Result<Box<dyn Estimator>, InvalidState>;
 
 /// The methods of this crate: the default one, and the search in a known map.

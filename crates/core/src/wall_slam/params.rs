@@ -21,7 +21,7 @@
 /// | `beyond_wall_end_m` | 1 | m | not measured since the first version | Too small: walls grow slowly. Too large: a wall is drawn across an opening |
 /// | `ray_offsets` | 0, ±1, ±0.5 | half beam angles | by design: axis, edges, and half-way between | Too few or too narrow: the map promises echoes that are not there |
 /// | `rays_for_open_view` | 3 | rays | by design: axis and edges | Too small: a narrow target is missed. Too large: time is wasted |
-/// | `min_ray_spread_rad` | 0.05 | rad | by design: how well the heading is known | Too small: a heading error condemns a healthy point beam |
+/// | `min_ray_spread_rad` | 0.05 | rad | by design: how well the heading is known | Too small: a heading error makes a healthy point beam look faulty |
 /// | `well_known_log_odds` | 200 | 0.01 log-odds | not measured since the first version | Too small: a single echo promises the next. Too large: the map is no evidence |
 /// | `min_cos_incidence` | 0.866 | 1 | by design: the cosine of 30 degrees, up to which a wall reflects a sonar | Too small: specular walls condemn healthy sensors. Too large: the map is no evidence |
 /// | `range_margin_m` | 0.25 | m | not measured since the first version | Too small: walls at the limit of the range condemn healthy sensors. Too large: far walls are no evidence |
