@@ -66,11 +66,13 @@ fn test(promise: &Promise) -> Outcome {
     outcome
 }
 
-/// The figure that a test has printed: its last line that is not the harness's, where it is short enough for a table.
-fn figure(said: &str) -> &str {
+/// The figure that a test has printed, as one table cell: its last line that is not the harness's, where it is short enough. A row of
+/// a table becomes `name: value`.
+fn figure(said: &str) -> String {
     let is_harness =
         |line: &str| line.is_empty() || ["running ", "test ", "."].iter().any(|word| line.starts_with(word));
-    said.lines().map(str::trim).rfind(|line| !is_harness(line)).filter(|line| line.len() < 100).unwrap_or("")
+    let line = said.lines().map(str::trim).rfind(|line| !is_harness(line)).filter(|line| line.len() < 100);
+    line.unwrap_or("").trim_matches(['|', ' ']).replace(" | ", ": ")
 }
 
 const HEAD: &str = "| promise | kept by `cargo test` | for longer | | figure |\n|---|---|---|---|---|\n";
@@ -83,7 +85,7 @@ fn row(promise: &Promise, verdict: &str, figure: &str) -> String {
 fn table(outcomes: &[Outcome]) -> String {
     let rows = PROMISES.iter().zip(outcomes).map(|(promise, outcome)| {
         let verdict = if outcome.is_kept { "kept" } else { "**broken**" };
-        row(promise, verdict, figure(&outcome.said))
+        row(promise, verdict, &figure(&outcome.said))
     });
     HEAD.to_owned() + &rows.collect::<String>()
 }
