@@ -46,3 +46,32 @@ pub struct Params {
     /// Localization in a known map.
     pub localize: localize::params::Params,
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    /// The names in the tables of a source, and those of its structs' fields.
+    fn names(source: &str) -> [BTreeSet<&str>; 2] {
+        let rows = source.lines().filter_map(|line| line.strip_prefix("/// | `")?.split('`').next());
+        let fields = source.lines().filter_map(|line| line.strip_prefix("    pub ")?.split_once(": ").map(|it| it.0));
+        [rows.collect(), fields.filter(|name| !name.contains(['(', ' '])).collect()]
+    }
+
+    #[test]
+    fn each_constant_has_its_row_and_each_row_its_constant() {
+        for (stage, source) in [
+            ("align", include_str!("align/params.rs")),
+            ("fault", include_str!("fault/params.rs")),
+            ("mapping", include_str!("mapping/params.rs")),
+            ("wall_slam", include_str!("wall_slam/params.rs")),
+            ("localize", include_str!("localize/params.rs")),
+        ] {
+            let [rows, fields] = names(source);
+            assert!(rows.len() > 5, "{stage}: {rows:?}");
+            assert_eq!(rows, fields, "{stage}");
+        }
+        let [rows, fields] = names("/// | `a_m` | 1 |\n    pub b_m: f64,\n");
+        assert_ne!(rows, fields);
+    }
+}

@@ -23,8 +23,8 @@
 /// | `rays_for_open_view` | 3 | rays | by design: axis and edges | Too small: a narrow target is missed. Too large: time is wasted |
 /// | `min_ray_spread_rad` | 0.05 | rad | by design: how well the heading is known | Too small: a heading error makes a healthy point beam look faulty |
 /// | `well_known_log_odds` | 200 | 0.01 log-odds | not measured since the first version | Too small: a single echo promises the next. Too large: the map is no evidence |
-/// | `min_cos_incidence` | 0.866 | 1 | by design: the cosine of 30 degrees, up to which a wall reflects a sonar | Too small: specular walls condemn healthy sensors. Too large: the map is no evidence |
-/// | `range_margin_m` | 0.25 | m | not measured since the first version | Too small: walls at the limit of the range condemn healthy sensors. Too large: far walls are no evidence |
+/// | `min_cos_incidence` | 0.866 | 1 | by design: the cosine of 30 degrees, up to which a wall reflects a sonar | Too small: specular walls make healthy sensors look faulty. Too large: the map is no evidence |
+/// | `range_margin_m` | 0.25 | m | not measured since the first version | Too small: walls at the limit of the range make healthy sensors look faulty. Too large: far walls are no evidence |
 /// | `axis_every_sweeps` | 25 | sweeps | not measured since the first version | Too small: time is wasted. Too large: the map begins late |
 /// | `axis_travel_m` | 192 | m × sensors² | by design: 3 m for 8 sensors, because returns must agree pair by pair | Too small: a sparse ring believes a wrong axis. Too large: the map begins late |
 /// | `axis_min_travel_m` | 0.6 | m | by hand, on seeds 1-20 of the accuracy bench (commit "Heading from how misfits along a wall grow with a turn") | Too small: a lone slanted object near the start passes for the building. Too large: the map begins late |
