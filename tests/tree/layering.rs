@@ -42,7 +42,8 @@ const FORBIDDEN: &[(&str, &[&str], &[&str])] = &[
     // The wire knows no estimator.
     ("crates/core/src", &["align", "board", "conversation", "handshake", "link", "settings"], ESTIMATORS),
     ("crates/paper/src", &["*"], WIRE),
-    ("crates/sim/src", &["*"], ESTIMATORS),
+    // Outside the core the estimators stand behind these names.
+    ("crates/sim/src", &["*"], &["stages", "pipeline", "Pipeline", "Estimator", "Driver"]),
 ];
 const ESTIMATORS: &[&str] = &["fault", "orientation", "position", "mapping", "wall_slam", "localize", "pipeline"];
 const WIRE: &[&str] = &["slamd_protocol", "align", "board", "conversation", "driver", "handshake", "link", "settings"];
@@ -206,7 +207,7 @@ fn a_breach_is_noticed() {
     assert_eq!(complaints("crates/capture", &["slamd-core", "slamd-files", "slamd-protocol"]), 1);
     assert_eq!(complaints("crates/capture", &["slamd-core"]), 1, "the table lists more");
     assert_eq!(complaints("crates/metrics", &["slamd-core", "slamd"]), 1);
-    assert!(crate_complaints(".", &manifest(&["slamd-testkit"])).iter().any(|said| said.contains("on slamd-testkit")));
+    assert!(crate_complaints(".", &manifest(&["slamd-testkit"])).iter().any(|said| said.contains("on testkit")));
     assert_eq!(complaints("crates/nowhere", &["slamd-core"]), 1);
 
     let core = |text: &str| module_complaints("crates/core/src", Path::new("fault/detector.rs"), text).len();

@@ -5,6 +5,11 @@
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::ops::Mul;
 
+/// Degrees to radians, for constants.
+pub(crate) const fn degrees(angle: f64) -> f64 {
+    angle * PI / 180.0
+}
+
 /// Wraps an angle to (−π, π].
 #[must_use]
 pub fn wrap_angle(angle_rad: f64) -> f64 {

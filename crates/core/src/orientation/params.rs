@@ -1,6 +1,6 @@
-//! The constants of the orientation stage; the manner of the tables is that of [`crate::position::params`].
+//! The constants of the orientation stage.
 
-use crate::position::params::degrees;
+use crate::geometry::degrees;
 
 /// All constants of the orientation stage.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -4,7 +4,7 @@
 //! like are drives of `slamd bench accuracy` (docs/accuracy.md); "by hand" is a value that came
 //! with its component and has not been measured alone since. A test keeps the tables and the defaults alike.
 
-use std::f64::consts::PI;
+use crate::geometry::degrees;
 
 /// All constants of the position stage.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -25,10 +25,6 @@ pub struct Params {
     pub whiteness: WhitenessParams,
     /// Global search of a lost robot.
     pub relocalize: RelocalizeParams,
-}
-
-pub(crate) const fn degrees(angle: f64) -> f64 {
-    angle * PI / 180.0
 }
 
 /// Constants of `beam_model`.
