@@ -12,7 +12,7 @@
 
 use crate::merge::{Merged, Placement};
 use crate::wire::{Grid, WireError};
-use slamd_core::{Point, Pose2, Raster, wrap_angle, stages::Searcher};
+use slamd_core::{Point, Pose2, Raster, stages::Searcher, wrap_angle};
 use slamd_paper::hough::HoughLines;
 use std::f64::consts::TAU;
 

@@ -9,7 +9,11 @@
 use crate::name::Name;
 use crate::wire::{Grid, SIDE, TILE, Tile, VERSION, WireError};
 use serde::Serialize;
-use slamd_core::{Pose2, Raster, saved_state::{MapState, TileState}, stages::OccupancyGrid};
+use slamd_core::{
+    Pose2, Raster,
+    saved_state::{MapState, TileState},
+    stages::OccupancyGrid,
+};
 use std::collections::BTreeMap;
 
 /// The newest map of each robot.

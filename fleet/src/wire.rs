@@ -5,7 +5,11 @@
 use crate::session::SessionId;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use slamd_core::{Patch, Pose2, saved_state::{MapState, TileState}, stages::OccupancyGrid};
+use slamd_core::{
+    Patch, Pose2,
+    saved_state::{MapState, TileState},
+    stages::OccupancyGrid,
+};
 
 /// The version of all that is below.
 pub const VERSION: u8 = 1;
