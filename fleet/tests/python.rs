@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
 mod drives;
+#[expect(unreachable_pub, reason = "the file is a module of slamd-testkit, too")]
 #[path = "../../crates/testkit/src/python.rs"]
 mod python;
 
