@@ -2,7 +2,7 @@
 //!
 //! 1. **Orientation by Hough transform.** The solid cells of either map vote for lines; their directions, folded by 90 degrees, give the axis of the
 //!    building in each. That leaves four turns.
-//! 2. **Translation by correlation.** A branch-and-bound search ([`slamd_core::localize::search`]) tries
+//! 2. **Translation by correlation.** A branch-and-bound search ([`slamd_core::stages::Searcher`]) tries
 //!    every translation under each of the four rotations. Occupied cells on occupied cells count for a
 //!    pose, occupied cells on free cells against it.
 //! 3. **Acceptance.** The score of the best pose is 1 for a perfect fit and 0 without overlap. It must
