@@ -100,11 +100,7 @@ fn verdict(states: &[SensorState]) -> (String, Ink) {
             SensorState::Faulty(kind) => Some(format!("{sensor} {}", kind.word())),
         })
         .collect();
-    if faulty.is_empty() {
-        ("all healthy".into(), HEALTHY)
-    } else {
-        (format!("x sensor {}", faulty.join(", ")), FAULTY)
-    }
+    if faulty.is_empty() { ("all healthy".into(), HEALTHY) } else { (format!("x {}", faulty.join(", ")), FAULTY) }
 }
 
 const MARGIN_PX: f64 = 24.0;
