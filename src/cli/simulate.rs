@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Args)]
 #[command(group(ArgGroup::new("to").required(true).args(["capture", "pty"])))]
 pub(super) struct SimulateArgs {
-    /// A built-in world (flat, office, furnished, home, room) or a TOML file.
+    /// A built-in world (flat, office, furnished, home, room), random (each seed another home) or a TOML file.
     #[arg(long, default_value = "flat")]
     world: String,
     /// Seed of all random numbers.
@@ -81,7 +81,7 @@ impl SimulateArgs {
             return Err(Failure::new(Kind::Usage, text));
         }
         let simulation = Simulation::new(SimConfig {
-            world: world(&self.world)?,
+            world: world(&self.world, self.seed)?,
             seed: self.seed,
             duration_s: self.duration,
             mix: self.faults,
@@ -128,8 +128,8 @@ impl SimulateArgs {
 }
 
 /// Loads a built-in world or a world file.
-fn world(name: &str) -> Result<World, Failure> {
-    if let Some(world) = World::named(name) {
+fn world(name: &str, seed: u64) -> Result<World, Failure> {
+    if let Some(world) = World::for_seed(name, seed) {
         return Ok(world);
     }
     let path = Path::new(name);
@@ -137,7 +137,7 @@ fn world(name: &str) -> Result<World, Failure> {
         let known = World::BUILT_IN.join(", ");
         return Err(Failure::new(
             Kind::Usage,
-            format!("there is no world \"{name}\"; there are {known}, and files FILE.toml"),
+            format!("there is no world \"{name}\"; there are {known}, {}, and files FILE.toml", World::RANDOM),
         ));
     }
     let text = std::fs::read_to_string(path)

@@ -10,6 +10,7 @@ pub mod encoder;
 pub mod explore;
 pub mod fault;
 pub mod floor_plan;
+pub mod home;
 pub mod link;
 pub mod misfit;
 pub mod random;

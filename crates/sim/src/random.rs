@@ -27,6 +27,12 @@ pub enum Stream {
     Link,
     /// The sensors' calibration errors.
     Mounting,
+    /// A random home.
+    Home,
+    /// What moves in it.
+    Life,
+    /// Ghosts, crosstalk and weak echoes in it.
+    Acoustics,
 }
 
 /// One stream of random numbers.

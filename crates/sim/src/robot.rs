@@ -1,6 +1,7 @@
 //! The true robot: a differential drive whose sizes differ from the drawing, and two encoders that
 //! do not see slip.
 
+use super::home::Grip;
 use super::random::Random;
 use slamd_core::Pose2;
 use std::f64::consts::TAU;
@@ -90,6 +91,11 @@ impl Robot {
     /// Ends the current step and begins the next, in which the wheels follow `command` within the
     /// maximum acceleration.
     pub fn step(&mut self, command: Twist) {
+        self.step_on(command, Grip::FULL);
+    }
+
+    /// The same on a floor with this grip.
+    pub fn step_on(&mut self, command: Twist, grip: Grip) {
         self.world_from_robot = self.pose(1.0);
         for (turned, turn) in self.turned_rad.iter_mut().zip(self.step.turns_rad) {
             *turned += turn;
@@ -103,6 +109,11 @@ impl Robot {
         for wheel in 0..2 {
             let way_m = self.step.turns_rad[wheel] * self.radius_m[wheel];
             self.step.rolls_m[wheel] = way_m + self.slip_m * way_m.abs().sqrt() * self.random.normal();
+        }
+        if grip != Grip::FULL {
+            let [left_m, right_m] = [0, 1].map(|wheel| if grip.spins[wheel] { 0.0 } else { self.step.rolls_m[wheel] });
+            let (way_m, half_m) = (0.5 * (left_m + right_m) * grip.forward, 0.5 * (right_m - left_m) * grip.turn);
+            self.step.rolls_m = [way_m - half_m, way_m + half_m];
         }
     }
 

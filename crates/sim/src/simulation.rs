@@ -4,6 +4,7 @@ use super::board::{Board, SLOT_US};
 use super::encoder::{EncoderFault, Encoders};
 use super::explore::Explorer;
 use super::fault::{FaultMix, Faults, Reading, SensorFault};
+use super::home::{Grip, Life, Noise, echo};
 use super::link::{Link, LinkFaults};
 use super::misfit::Misfit;
 use super::random::{Random, Stream};
@@ -66,6 +67,8 @@ pub struct Simulation {
     robot: Robot,
     explorer: Explorer,
     sonar_noise: Random,
+    /// What moves in a random home, and what disturbs its readings.
+    life: Option<(Life, Noise)>,
     misfits: Vec<Misfit>,
     seed: u64,
     faults: Faults,
@@ -97,6 +100,10 @@ impl Simulation {
             robot: Robot::new(start, config.odometry_errors, random(Stream::Robot)),
             explorer: Explorer::new(&config.world, random(Stream::Explore)),
             sonar_noise: random(Stream::Sonar),
+            life: config.world.home.as_ref().map(|home| {
+                let life = Life::new(&config.world, home, random(Stream::Life));
+                (life, Noise::new(random(Stream::Acoustics)))
+            }),
             misfits: vec![Misfit::default(); usize::from(config.sensors)],
             seed: config.seed,
             faults: Faults::new(schedule, config.sensors, fault_random),
@@ -214,8 +221,17 @@ impl Simulation {
                 self.link.send(at, &frame);
             }
         }
-        self.robot.step(self.command);
+        let grip = self.live(at);
+        self.robot.step_on(self.command, grip);
         self.now_us += STEP_US;
+    }
+
+    /// Moves the doors and people of a home; the grip of the floor under the robot.
+    fn live(&mut self, at: Timestamp) -> Grip {
+        let (Some((life, _)), Some(home)) = (&mut self.life, &mut self.world.home) else { return Grip::FULL };
+        let robot = self.robot.pose(0.0).position();
+        life.step(home, robot, at.seconds(), STEP_S);
+        home.grip(robot, at.seconds())
     }
 
     /// Fires one group. Its message is sent when the slot is over.
@@ -223,26 +239,47 @@ impl Simulation {
         let groups = u64::from(self.board.ring().mountings.iter().map(|m| m.group).max().unwrap_or(0)) + 1;
         let group = u8::try_from(slot % groups).unwrap_or(0);
         let is_last = slot % groups == groups - 1;
-        let mut readings: Vec<(u8, Reading)> = Vec::new();
-        for (sensor, mounting) in (0u8..).zip(&self.board.ring().mountings) {
-            if mounting.group != group {
-                continue;
-            }
-            let misfit = self.misfits[usize::from(sensor)];
-            let robot_from_true_sensor = misfit.turned(mounting.robot_from_sensor);
-            let distance =
-                |share: f64| self.beam.distance(&self.world, self.robot.pose(share) * robot_from_true_sensor);
-            // The sound reaches the surface half a flight after the trigger.
-            let true_m = distance(0.0).and_then(|m| distance(m / SOUND_M_S / STEP_S));
-            let read_m = misfit.read(reading(true_m, &mut self.sonar_noise));
-            readings.push((sensor, self.faults.apply(sensor, at.seconds(), read_m)));
-        }
+        let readings = self.listen(at, group);
         let ticks = self.encoders.counts(at.seconds(), self.robot.ticks(0.0));
         let frame = self.board.sonar(at, group, is_last, ticks, &readings);
         self.ready = Some((at.us() + SLOT_US - STEP_US, frame));
         if is_last {
             self.truths.push_back((at, self.robot.pose(0.0)));
         }
+    }
+}
+
+impl Simulation {
+    /// What the sensors of a group read.
+    fn listen(&mut self, at: Timestamp, group: u8) -> Vec<(u8, Reading)> {
+        let mountings = (0u8..).zip(&self.board.ring().mountings).filter(|(_, mounting)| mounting.group == group);
+        let poses: Vec<(u8, Pose2)> = mountings
+            .map(|(sensor, mounting)| (sensor, self.misfits[usize::from(sensor)].turned(mounting.robot_from_sensor)))
+            .collect();
+        // The sound reaches the surface half a flight after the trigger.
+        let distances_m: Vec<Option<f64>> = match (&self.world.home, &mut self.life) {
+            (Some(home), Some((_, noise))) => {
+                let heard = |pose: Pose2| {
+                    let echo = |share: f64| echo(self.beam, &self.world, home, self.robot.pose(share) * pose);
+                    echo(0.0).and_then(|first| echo(first.distance_m / SOUND_M_S / STEP_S))
+                };
+                let group: Vec<_> = poses.iter().map(|&(_, pose)| heard(pose)).collect();
+                (0..group.len()).map(|index| noise.distance_m(home, &group, index)).collect()
+            }
+            _ => {
+                let heard = |pose: Pose2| {
+                    let distance = |share: f64| self.beam.distance(&self.world, self.robot.pose(share) * pose);
+                    distance(0.0).and_then(|m| distance(m / SOUND_M_S / STEP_S))
+                };
+                poses.iter().map(|&(_, pose)| heard(pose)).collect()
+            }
+        };
+        let read = |((sensor, _), true_m): ((u8, Pose2), Option<f64>)| {
+            let misfit = self.misfits[usize::from(sensor)];
+            let read_m = misfit.read(reading(true_m, &mut self.sonar_noise));
+            (sensor, self.faults.apply(sensor, at.seconds(), read_m))
+        };
+        poses.into_iter().zip(distances_m).map(read).collect()
     }
 }
 
@@ -282,4 +319,37 @@ pub fn session(mut simulation: Simulation) -> impl Iterator<Item = Record> {
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a positive duration in seconds")]
 fn microseconds(seconds: f64) -> u64 {
     (seconds.max(0.0) * 1e6) as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::BODY_RADIUS_M;
+
+    #[test]
+    fn the_robot_drives_through_random_homes_and_touches_nothing() {
+        for seed in 1..=8 {
+            let world = World::random(seed);
+            let simulation = Simulation::new(SimConfig {
+                world: world.clone(),
+                seed,
+                duration_s: 120.0,
+                mix: FaultMix::None,
+                faults: Vec::new(),
+                beam: BeamShape::Cone,
+                sensors: 1,
+                odometry_errors: 1.0,
+                clock_drift_ppm: 300.0,
+                link: LinkFaults::default(),
+            });
+            let truths: Vec<Pose2> = session(simulation)
+                .filter_map(|record| if let Record::Truth { pose, .. } = record { Some(pose) } else { None })
+                .collect();
+            let nearest_m =
+                truths.iter().map(|pose| world.fixed_clearance(pose.position())).fold(f64::INFINITY, f64::min);
+            assert!(nearest_m > BODY_RADIUS_M, "seed {seed}: {nearest_m} m");
+            let way_m: f64 = truths.windows(2).map(|pair| (pair[1].position() - pair[0].position()).norm()).sum();
+            assert!(way_m > 12.0, "seed {seed}: {way_m} m");
+        }
+    }
 }
