@@ -56,6 +56,12 @@ impl Explorer {
         Self { grid, visited_s, route: Vec::new(), next: 0, chosen_s: 0.0, moved: (world.start, 0.0), random }
     }
 
+    /// Gives up the current goal, as after the robot was carried away.
+    pub fn forget(&mut self) {
+        self.route.clear();
+        self.next = 0;
+    }
+
     /// The command for the next [`PERIOD_S`], given the true pose at `now_s` seconds.
     pub fn command(&mut self, world: &World, world_from_robot: Pose2, now_s: f64) -> Twist {
         let here = world_from_robot.position();

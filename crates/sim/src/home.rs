@@ -202,6 +202,14 @@ impl Home {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fault::FaultMix;
+    use crate::link::LinkFaults;
+    use crate::robot::BODY_RADIUS_M;
+    use crate::simulation::{SimConfig, Simulation, session};
+    use crate::sonar::BeamShape;
+    use crate::world::World;
+    use slamd_capture::Record;
+    use slamd_core::Pose2;
 
     fn door() -> Door {
         Door {
@@ -244,5 +252,32 @@ mod tests {
         assert!((near_m - (2.0 - (0.09_f64 - 0.01).sqrt())).abs() < 1e-12);
         assert_eq!(disc.hit(Point::origin(), Vector2::y()), None);
         assert_eq!(disc.hit(Point::origin(), -Vector2::x()), None);
+    }
+
+    #[test]
+    fn the_robot_drives_through_random_homes_and_touches_nothing() {
+        for seed in 1..=4 {
+            let world = World::random(seed);
+            let simulation = Simulation::new(SimConfig {
+                world: world.clone(),
+                seed,
+                duration_s: 120.0,
+                mix: FaultMix::None,
+                faults: Vec::new(),
+                beam: BeamShape::Cone,
+                sensors: 1,
+                odometry_errors: 1.0,
+                clock_drift_ppm: 300.0,
+                link: LinkFaults::default(),
+            });
+            let truths: Vec<Pose2> = session(simulation)
+                .filter_map(|record| if let Record::Truth { pose, .. } = record { Some(pose) } else { None })
+                .collect();
+            let nearest_m =
+                truths.iter().map(|pose| world.fixed_clearance(pose.position())).fold(f64::INFINITY, f64::min);
+            assert!(nearest_m > BODY_RADIUS_M, "seed {seed}: {nearest_m} m");
+            let way_m: f64 = truths.windows(2).map(|pair| (pair[1].position() - pair[0].position()).norm()).sum();
+            assert!(way_m > 12.0, "seed {seed}: {way_m} m");
+        }
     }
 }

@@ -15,6 +15,7 @@ pub mod link;
 pub mod misfit;
 pub mod random;
 pub mod robot;
+pub mod robot_fault;
 pub mod route;
 pub mod simulation;
 pub mod sonar;

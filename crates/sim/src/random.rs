@@ -33,6 +33,8 @@ pub enum Stream {
     Life,
     /// Ghosts, crosstalk and weak echoes in it.
     Acoustics,
+    /// Faults of the robot, and hands that move it.
+    RobotFault,
 }
 
 /// One stream of random numbers.

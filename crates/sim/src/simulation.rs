@@ -9,6 +9,7 @@ use super::link::{Link, LinkFaults};
 use super::misfit::Misfit;
 use super::random::{Random, Stream};
 use super::robot::{Robot, STEP_S, STEP_US, Twist};
+use super::robot_fault::{Act, Hands, Misbuilt, RobotFault};
 use super::sonar::{BeamShape, reading};
 use super::world::World;
 use slamd_capture::Record;
@@ -70,6 +71,9 @@ pub struct Simulation {
     /// What moves in a random home, and what disturbs its readings.
     life: Option<(Life, Noise)>,
     misfits: Vec<Misfit>,
+    misbuilt: Misbuilt,
+    hands: Hands,
+    is_lifted: bool,
     seed: u64,
     faults: Faults,
     encoders: Encoders,
@@ -105,6 +109,9 @@ impl Simulation {
                 (life, Noise::new(random(Stream::Acoustics)))
             }),
             misfits: vec![Misfit::default(); usize::from(config.sensors)],
+            misbuilt: Misbuilt::new(&[], random(Stream::RobotFault)),
+            hands: Hands::new(&[], random(Stream::RobotFault)),
+            is_lifted: false,
             seed: config.seed,
             faults: Faults::new(schedule, config.sensors, fault_random),
             encoders: Encoders::default(),
@@ -140,6 +147,17 @@ impl Simulation {
         self
     }
 
+    /// The same session with a robot that differs from its configuration, or that hands move.
+    #[must_use]
+    pub fn with_robot_faults(mut self, faults: &[RobotFault]) -> Self {
+        let mut random = Random::new(self.seed, Stream::RobotFault);
+        let of_hands = Random::new(random.bits(), Stream::RobotFault);
+        self.misbuilt = Misbuilt::new(faults, random);
+        self.hands = Hands::new(faults, of_hands);
+        self.robot = self.robot.scaled(self.misbuilt.radius, self.misbuilt.base, self.misbuilt.ticks);
+        self
+    }
+
     /// The true calibration errors, by sensor id.
     #[must_use]
     pub fn misfits(&self) -> &[Misfit] {
@@ -170,7 +188,8 @@ impl Simulation {
     pub fn restart_board(&mut self) {
         let at = Timestamp::from_us(self.now_us);
         (self.command, self.streaming_since_us, self.ready) = (Twist::default(), None, None);
-        let hello = self.board.restart(at, self.encoders.counts(at.seconds(), self.robot.ticks(0.0)));
+        let ticks = self.ticks(at);
+        let hello = self.board.restart(at, ticks);
         self.link.send(at, &hello);
     }
 
@@ -213,7 +232,8 @@ impl Simulation {
                 self.fire(at, since_us / SLOT_US);
             }
             if since_us.is_multiple_of(ENCODER_US) {
-                let frame = self.board.encoders(at, self.encoders.counts(at.seconds(), self.robot.ticks(0.0)));
+                let ticks = self.ticks(at);
+                let frame = self.board.encoders(at, ticks);
                 self.link.send(at, &frame);
             }
             if since_us.is_multiple_of(STATUS_US) {
@@ -222,16 +242,40 @@ impl Simulation {
             }
         }
         let grip = self.live(at);
+        self.handle(at);
         self.robot.step_on(self.command, grip);
         self.now_us += STEP_US;
     }
 
+    /// The counts that reach the board.
+    fn ticks(&mut self, at: Timestamp) -> [i32; 2] {
+        self.encoders.counts(at.seconds(), self.misbuilt.counts(self.robot.ticks(0.0)))
+    }
+
     /// Moves the doors and people of a home; the grip of the floor under the robot.
     fn live(&mut self, at: Timestamp) -> Grip {
-        let (Some((life, _)), Some(home)) = (&mut self.life, &mut self.world.home) else { return Grip::FULL };
         let robot = self.robot.pose(0.0).position();
-        life.step(home, robot, at.seconds(), STEP_S);
-        home.grip(robot, at.seconds())
+        let grip = match (&mut self.life, &mut self.world.home) {
+            (Some((life, _)), Some(home)) => {
+                life.step(home, robot, at.seconds(), STEP_S);
+                home.grip(robot, at.seconds())
+            }
+            _ => Grip::FULL,
+        };
+        self.misbuilt.spins(at.seconds()).map_or(grip, |spins| Grip { spins, ..grip })
+    }
+
+    /// Lets the hands hold or carry the robot.
+    fn handle(&mut self, at: Timestamp) {
+        let act = self.hands.step(&self.world, self.robot.pose(0.0), at.seconds());
+        self.is_lifted = act == Act::Hold { is_lifted: true };
+        if act != Act::Free {
+            self.command = Twist::default();
+        }
+        if let Act::Carry(pose) = act {
+            self.robot.carry(pose);
+            self.explorer.forget();
+        }
     }
 
     /// Fires one group. Its message is sent when the slot is over.
@@ -240,7 +284,7 @@ impl Simulation {
         let group = u8::try_from(slot % groups).unwrap_or(0);
         let is_last = slot % groups == groups - 1;
         let readings = self.listen(at, group);
-        let ticks = self.encoders.counts(at.seconds(), self.robot.ticks(0.0));
+        let ticks = self.ticks(at);
         let frame = self.board.sonar(at, group, is_last, ticks, &readings);
         self.ready = Some((at.us() + SLOT_US - STEP_US, frame));
         if is_last {
@@ -254,7 +298,10 @@ impl Simulation {
     fn listen(&mut self, at: Timestamp, group: u8) -> Vec<(u8, Reading)> {
         let mountings = (0u8..).zip(&self.board.ring().mountings).filter(|(_, mounting)| mounting.group == group);
         let poses: Vec<(u8, Pose2)> = mountings
-            .map(|(sensor, mounting)| (sensor, self.misfits[usize::from(sensor)].turned(mounting.robot_from_sensor)))
+            .map(|(sensor, mounting)| {
+                let built = self.misbuilt.mounted(mounting.robot_from_sensor);
+                (sensor, self.misfits[usize::from(sensor)].turned(built))
+            })
             .collect();
         // The sound reaches the surface half a flight after the trigger.
         let distances_m: Vec<Option<f64>> = match (&self.world.home, &mut self.life) {
@@ -276,7 +323,9 @@ impl Simulation {
         };
         let read = |((sensor, _), true_m): ((u8, Pose2), Option<f64>)| {
             let misfit = self.misfits[usize::from(sensor)];
-            let read_m = misfit.read(reading(true_m, &mut self.sonar_noise));
+            let heard_m = misfit.read(reading(true_m, &mut self.sonar_noise));
+            let heard_m = if self.is_lifted { self.hands.nonsense() } else { heard_m };
+            let read_m = self.misbuilt.reported(heard_m);
             (sensor, self.faults.apply(sensor, at.seconds(), read_m))
         };
         poses.into_iter().zip(distances_m).map(read).collect()
@@ -319,37 +368,4 @@ pub fn session(mut simulation: Simulation) -> impl Iterator<Item = Record> {
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a positive duration in seconds")]
 fn microseconds(seconds: f64) -> u64 {
     (seconds.max(0.0) * 1e6) as u64
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::robot::BODY_RADIUS_M;
-
-    #[test]
-    fn the_robot_drives_through_random_homes_and_touches_nothing() {
-        for seed in 1..=8 {
-            let world = World::random(seed);
-            let simulation = Simulation::new(SimConfig {
-                world: world.clone(),
-                seed,
-                duration_s: 120.0,
-                mix: FaultMix::None,
-                faults: Vec::new(),
-                beam: BeamShape::Cone,
-                sensors: 1,
-                odometry_errors: 1.0,
-                clock_drift_ppm: 300.0,
-                link: LinkFaults::default(),
-            });
-            let truths: Vec<Pose2> = session(simulation)
-                .filter_map(|record| if let Record::Truth { pose, .. } = record { Some(pose) } else { None })
-                .collect();
-            let nearest_m =
-                truths.iter().map(|pose| world.fixed_clearance(pose.position())).fold(f64::INFINITY, f64::min);
-            assert!(nearest_m > BODY_RADIUS_M, "seed {seed}: {nearest_m} m");
-            let way_m: f64 = truths.windows(2).map(|pair| (pair[1].position() - pair[0].position()).norm()).sum();
-            assert!(way_m > 12.0, "seed {seed}: {way_m} m");
-        }
-    }
 }
