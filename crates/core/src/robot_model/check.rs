@@ -11,6 +11,7 @@ use super::window::Window;
 use crate::geometry::{Ring, wrap_angle};
 use crate::sweep::Sweep;
 use std::f64::consts::{PI, TAU};
+use std::ops::Range;
 
 /// What the walls say of the believed robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,9 +42,9 @@ pub(super) struct ModelCheck {
     evidence: f64,
     /// The robot to be confirmed, and the log of its ratio when it was found.
     suspect: Option<(RobotModel, f64)>,
-    /// Rounds in which the believed robot fitted.
-    fitting_rounds: u32,
-    sweeps: u64,
+    /// Sweeps since the believed robot was last wrong, and of this round.
+    fitting_keys: u64,
+    round_keys: u64,
 }
 
 impl ModelCheck {
@@ -59,8 +60,8 @@ impl ModelCheck {
             best: None,
             evidence: 0.0,
             suspect: None,
-            fitting_rounds: 0,
-            sweeps: 0,
+            fitting_keys: 0,
+            round_keys: 0,
         }
     }
 
@@ -78,23 +79,31 @@ impl ModelCheck {
         is_trusted: impl Fn(usize) -> bool,
     ) -> Verdict {
         let has_moved = self.window.add(sweep, &self.configured, self.base_m, is_trusted, &self.params);
-        if !has_moved || self.window.len() < self.params.first_keys {
+        if !has_moved {
             return Verdict::Open;
         }
+        let first_keys = self.params.first_keys;
         match self.suspect {
+            Some((_, log_ratio)) if log_ratio > self.params.strong_log_ratio && self.window.len() < first_keys / 2 => {
+                Verdict::Open
+            }
+            Some((_, log_ratio)) if log_ratio <= self.params.strong_log_ratio && self.window.len() < first_keys => {
+                Verdict::Open
+            }
             Some((suspect, log_ratio)) => self.confirm(believed, suspect, log_ratio),
+            None if self.window.len() < first_keys => Verdict::Open,
             None => self.search(believed),
         }
     }
 
     /// Tries the next alternatives; at the end of a round, weighs the best.
     fn search(&mut self, believed: &RobotModel) -> Verdict {
-        self.sweeps += 1;
-        let is_known = self.fitting_rounds >= self.params.known_rounds;
-        if is_known && self.evidence <= 0.0 && !self.sweeps.is_multiple_of(self.params.known_every_sweeps) {
+        (self.fitting_keys, self.round_keys) = (self.fitting_keys + 1, self.round_keys + 1);
+        let is_quiet = self.is_known() && self.evidence <= 0.0;
+        if is_quiet && !self.fitting_keys.is_multiple_of(self.params.known_every_sweeps) {
             return Verdict::Open;
         }
-        let steps = if is_known && self.evidence <= 0.0 { self.params.steps_known } else { self.params.steps_new };
+        let steps = if is_quiet { self.params.steps_known } else { self.params.steps_new };
         let reference = self.log_score(believed, believed);
         for _ in 0..steps {
             let Some(alternative) = alternative(believed, self.next) else { return self.weigh(believed) };
@@ -107,19 +116,25 @@ impl ModelCheck {
         Verdict::Open
     }
 
+    /// True once the believed robot has fitted for some metres.
+    const fn is_known(&self) -> bool {
+        self.fitting_keys >= self.params.known_keys
+    }
+
     /// Adds the evidence of a round.
     fn weigh(&mut self, believed: &RobotModel) -> Verdict {
         self.next = 0;
         let Some((_, best)) = self.best.take() else { return Verdict::Open };
         let (log_ratio, refined) = self.refine(best, believed);
         let excess = log_ratio - libm::log(self.params.fits_ratio);
-        self.evidence = (self.params.decay * self.evidence + excess).max(0.0);
-        if self.evidence <= 0.0 {
-            self.fitting_rounds += 1;
+        let part = (self.round_keys as f64 / self.params.evidence_keys).min(1.0);
+        self.round_keys = 0;
+        self.evidence = self.evidence * libm::pow(self.params.decay, part) + part * excess.max(0.0);
+        if self.evidence < MIN_EVIDENCE {
+            self.evidence = 0.0;
             return Verdict::Fits;
         }
-        let is_known = self.fitting_rounds >= self.params.known_rounds;
-        let caution = if is_known { self.params.known_caution } else { 1.0 };
+        let caution = if self.is_known() { self.params.known_caution } else { 1.0 };
         if self.evidence < caution * self.params.suspect_evidence || refined.distance(believed) < 1.0 {
             return Verdict::Open;
         }
@@ -134,12 +149,10 @@ impl ModelCheck {
         let min_log_ratio = (self.params.confirm_share * found_log_ratio).max(libm::log(self.params.fits_ratio));
         let is_full = self.window.len() >= self.params.max_keys;
         if log_ratio > min_log_ratio && refined.distance(&suspect) < self.params.same_model {
-            if !is_full && self.has_two_causes(believed, &refined) {
-                return Verdict::Open;
-            }
+            let Some(simplest) = self.simplest(refined, believed, is_full) else { return Verdict::Open };
             self.clear();
-            self.fitting_rounds = 0;
-            return Verdict::Found(refined);
+            self.fitting_keys = 0;
+            return Verdict::Found(simplest);
         }
         if !is_full {
             return Verdict::Open;
@@ -148,36 +161,61 @@ impl ModelCheck {
         Verdict::Fits
     }
 
-    /// True while another scale of travel is found and the returns do not tell yet whether turning has it, too.
-    fn has_two_causes(&mut self, believed: &RobotModel, found: &RobotModel) -> bool {
-        let travel = found.travel / believed.travel;
-        if (1.0 / SAME_SCALE..SAME_SCALE).contains(&travel) {
-            return false;
+    /// The robot with a single cause that explains the walls as well as `found`, or else `found`. None while the returns do not tell
+    /// whether turning has the scale of the travel, unless it `must_decide`: then both have it, as a wrong radius or tick count makes it.
+    fn simplest(&mut self, found: RobotModel, believed: &RobotModel, must_decide: bool) -> Option<RobotModel> {
+        let causes = Cause::ALL.map(|cause| self.best_of(cause, believed));
+        let [(both, _), (_, _), (alone, _), ..] = causes;
+        let (single, robot) = causes.into_iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
+        if single < self.log_score(&found, believed) - self.params.occam {
+            return Some(found);
         }
-        let with_turn = self.score(&RobotModel { turn: believed.turn * travel.abs(), ..*found });
-        let without = self.score(&RobotModel { turn: believed.turn, ..*found });
-        libm::log(with_turn / without).abs() < libm::log(self.params.same_cause_ratio)
+        let is_scale = single <= both.max(alone);
+        if is_scale && (both - alone).abs() < libm::log(self.params.same_cause_ratio) {
+            return must_decide.then_some(causes[0].1);
+        }
+        Some(robot)
+    }
+
+    /// The best robot that differs from the believed one by a single cause, and the log of its score.
+    fn best_of(&mut self, cause: Cause, believed: &RobotModel) -> (f64, RobotModel) {
+        let mut best = (f64::NEG_INFINITY, *believed);
+        for index in cause.indices() {
+            let Some(robot) = alternative(believed, index) else { continue };
+            let score = self.log_score(&robot, believed);
+            if score > best.0 {
+                best = (score, robot);
+            }
+        }
+        self.climb(best, believed, cause.moves())
     }
 
     /// Climbs from a robot to the nearest one that makes the walls sharpest; the log of its ratio to the believed one.
     fn refine(&mut self, from: RobotModel, believed: &RobotModel) -> (f64, RobotModel) {
         let reference = self.log_score(believed, believed);
-        let (mut top, mut best) = (self.log_score(&from, believed), from);
+        let start = (self.log_score(&from, believed), from);
+        let (top, best) = self.climb(start, believed, 0..NEIGHBOURS);
+        (top - reference, best)
+    }
+
+    /// Climbs by the given kinds of steps, which become smaller.
+    fn climb(&mut self, from: (f64, RobotModel), believed: &RobotModel, moves: Range<usize>) -> (f64, RobotModel) {
+        let mut best = from;
         for step in [0.1, 0.05, 0.02] {
             for _ in 0..3 {
-                let before = top;
-                for neighbour in neighbours(&best, step) {
+                let before = best.0;
+                for neighbour in neighbours(&best.1, step).into_iter().take(moves.end).skip(moves.start) {
                     let score = self.log_score(&neighbour, believed);
-                    if score > top {
-                        (top, best) = (score, neighbour);
+                    if score > best.0 {
+                        best = (score, neighbour);
                     }
                 }
-                if top <= before {
+                if best.0 <= before {
                     break;
                 }
             }
         }
-        (top - reference, best)
+        best
     }
 
     /// The log of [`Self::score`], less for a robot that is far from the believed one; −∞ for an impossible robot.
@@ -201,11 +239,45 @@ impl ModelCheck {
     }
 }
 
+/// One way in which a robot differs, as blocks of [`alternative`] and of [`neighbours`].
+#[derive(Clone, Copy, Debug)]
+enum Cause {
+    Scale,
+    Turn,
+    Travel,
+    Signs,
+    Ring,
+}
+
+impl Cause {
+    const ALL: [Self; 5] = [Self::Scale, Self::Turn, Self::Travel, Self::Signs, Self::Ring];
+
+    const fn indices(self) -> Range<usize> {
+        let scales = FACTORS.len();
+        match self {
+            Self::Scale => 0..scales,
+            Self::Turn => scales..2 * scales,
+            Self::Travel => 2 * scales..3 * scales,
+            Self::Signs => 3 * scales..3 * scales + 2,
+            Self::Ring => 3 * scales + 2..3 * scales + 2 + ROTATIONS,
+        }
+    }
+
+    const fn moves(self) -> Range<usize> {
+        match self {
+            Self::Scale => 0..2,
+            Self::Travel => 2..4,
+            Self::Turn => 4..6,
+            Self::Ring => 6..8,
+            Self::Signs => 0..0,
+        }
+    }
+}
+
+/// Less evidence is none.
+const MIN_EVIDENCE: f64 = 0.02;
 /// Factors by which hobbyists are wrong: from a fourth (edges for pulses) to four, in steps that the refinement bridges.
-const FACTORS: [f64; 16] =
-    [0.25, 0.3, 0.35, 0.42, 0.5, 0.6, 0.71, 0.84, 1.19, 1.41, 1.68, 2.0, 2.38, 2.83, 3.36, 4.0];
-/// A factor of travel that is none.
-const SAME_SCALE: f64 = 1.1;
+const FACTORS: [f64; 16] = [0.25, 0.3, 0.35, 0.42, 0.5, 0.6, 0.71, 0.84, 1.19, 1.41, 1.68, 2.0, 2.38, 2.83, 3.36, 4.0];
 /// Rotations of a ring that are tried in a full turn.
 const ROTATIONS: usize = 24;
 
@@ -229,11 +301,15 @@ fn alternative(believed: &RobotModel, index: usize) -> Option<RobotModel> {
     })
 }
 
+/// Kinds of steps to a neighbour.
+const NEIGHBOURS: usize = 8;
+
 /// Robots a little beside another one.
-fn neighbours(model: &RobotModel, step: f64) -> [RobotModel; 8] {
+fn neighbours(model: &RobotModel, step: f64) -> [RobotModel; NEIGHBOURS] {
     let RobotModel { travel, turn, ring_rad } = *model;
     let [more, less] = [1.0 + step, 1.0 / (1.0 + step)];
-    let scaled = |by_travel: f64, by_turn: f64| RobotModel { travel: travel * by_travel, turn: turn * by_turn, ring_rad };
+    let scaled =
+        |by_travel: f64, by_turn: f64| RobotModel { travel: travel * by_travel, turn: turn * by_turn, ring_rad };
     let turned = |sign: f64| RobotModel { ring_rad: wrap_angle(ring_rad + sign * step * 0.2 * PI), ..*model };
     [
         scaled(more, more),
