@@ -212,6 +212,7 @@ impl MqttPublisher {
 
     fn publish_snapshot(&mut self, snapshot: &Snapshot, map: Option<Raster>) {
         if let Some(estimate) = &snapshot.estimate {
+            self.sketch.set_uncertain(snapshot.is_lost, estimate.at);
             self.sketch.estimate(estimate);
         }
         if !self.connection.is_up.get() {
@@ -243,7 +244,14 @@ impl MqttPublisher {
                 *state = change.state;
             }
         }
-        let around = Surroundings { raster, ring: &snapshot.ring, states: &states, robot_name: &snapshot.robot };
+        let doubts: Vec<String> = snapshot.is_lost.then(|| "the position is uncertain".into()).into_iter().collect();
+        let around = Surroundings {
+            raster,
+            ring: &snapshot.ring,
+            states: &states,
+            robot_name: &snapshot.robot,
+            doubts: &doubts,
+        };
         match self.sketch.draw(around) {
             Ok(picture) => {
                 self.publish("map", picture.into());

@@ -15,6 +15,11 @@ fn slamd_logging(arguments: &[&str], level: Option<&str>) -> (i32, String) {
     std::fs::write(folder.path().join("garbage.mcap"), "this is no capture").unwrap();
     std::fs::write(folder.path().join("bad.toml"), "[robot]\nwheel_base_m = 99\n").unwrap();
     std::fs::write(folder.path().join("good.toml"), "[robot]\nwheel_base_m = 0.3\n").unwrap();
+    if arguments.contains(&"still.mcap") {
+        let mut simulate = Command::new(env!("CARGO_BIN_EXE_slamd"));
+        simulate.args(["simulate", "--duration", "0.5", "--capture", "still.mcap"]).current_dir(folder.path());
+        assert!(simulate.output().unwrap().status.success());
+    }
     let mut command = Command::new(env!("CARGO_BIN_EXE_slamd"));
     command.args(arguments).current_dir(folder.path()).env("XDG_CONFIG_HOME", folder.path()).env_remove("RUST_LOG");
     if let Some(level) = level {
@@ -38,7 +43,7 @@ fn exit_codes() -> Vec<(i32, Vec<&'static str>)> {
 #[test]
 fn the_table_of_exit_codes_is_true() {
     let codes = exit_codes();
-    assert_eq!(codes.iter().map(|(code, _)| *code).collect::<Vec<_>>(), [0, 64, 65, 66, 69, 73, 74, 78]);
+    assert_eq!(codes.iter().map(|(code, _)| *code).collect::<Vec<_>>(), [0, 64, 65, 66, 69, 73, 74, 75, 78]);
     for (code, line) in codes {
         let (found, text) = slamd(&line);
         assert_eq!(found, code, "slamd {}: {text}", line.join(" "));

@@ -105,8 +105,9 @@ impl MonitorArgs {
         }
         result?;
         let (summary, faulty) = finished?;
-        terminal::report(&summary, &faulty, &self.output.out, self.output.json);
-        saved
+        let ending = terminal::report(&summary, &faulty, &self.output.out, self.output.json);
+        saved?;
+        ending.map_err(|failure| replay::of_capture(file, &summary, failure))
     }
 
     fn screen(&self, log: Log, shutdown: &Shutdown) -> Result<Screen, Failure> {
