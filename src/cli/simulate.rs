@@ -129,7 +129,10 @@ impl SimulateArgs {
         capture.finish()?;
         terminal::say(path.display());
         if way_m < STANDSTILL_M {
-            tracing::warn!("the robot has not moved in {} s: nothing can be mapped; choose a longer --duration", self.duration);
+            tracing::warn!(
+                "the robot has not moved in {} s: nothing can be mapped; choose a longer --duration",
+                self.duration
+            );
         } else {
             tracing::info!("{way_m:.1} m of way in {} s", self.duration);
         }

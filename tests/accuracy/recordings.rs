@@ -82,7 +82,7 @@ fn a_ring_csv_becomes_a_capture() {
     assert_eq!(report.sensors.iter().map(|sensor| sensor.absent_percent).collect::<Vec<_>>(), [0.0, 0.0, 50.0]);
     assert_eq!(report.sensors.iter().map(|sensor| sensor.no_echo_percent).collect::<Vec<_>>(), [0.0, 25.0, 0.0]);
     assert_eq!(report.sensors.iter().map(|sensor| sensor.longest_repeat).collect::<Vec<_>>(), [2, 2, 1]);
-    assert_eq!(report.encoders.map(|wheel| (wheel.net_ticks, wheel.path_ticks)), [(0, 10), (0, 14)]);
+    assert_eq!(report.encoders.map(|wheel| (wheel.net_ticks, wheel.path_ticks)), [(5, 5), (-7, 7)]);
     assert!(serde_json::to_string(&report).unwrap().contains("\"SONAR\""));
     assert!(report.to_string().contains("3 sensors, 1000 ticks per turn"), "{report}");
 }
@@ -96,7 +96,11 @@ fn errors_name_file_line_column_and_what_is_expected() {
     let refusals = [
         (format!("{header}0,0,0,1,2,x\n"), "small.csv: line 2, column 6: `x`: expected metres"),
         (format!("{header}0,0,0,1,2,-1\n"), "small.csv: line 2, column 6: `-1`: expected metres"),
-        (format!("{header}0,0,0,1,2,NaN\n"), "line 2, column 6: `NaN`: expected metres"),
+        (
+            format!("{header}0,,0,1,2,1\n1,9,0,1,2,1\n2,,0,1,2,1\n4,99,0,1,2,1\n"),
+            "small.csv: line 4, column 2: ``: expected a whole",
+        ),
+        (format!("{header}0,0,0,100,200,x\n").replace('x', "150"), "small.csv: no reading of 3 lies within"),
         (format!("{header}0,0,0,1,2\n"), "line 2, column 6: ``: expected 6 fields"),
         (format!("{header}0,0,0,1,2,3,4\n"), "line 2, column 7: `4`: expected the end of the line"),
         (format!("{header}0,1.5,0,1,2,3\n"), "line 2, column 2: `1.5`: expected a whole number"),

@@ -16,7 +16,9 @@ pub(super) fn nothing_mapped(state: &FinalState<'_>, summary: &Summary) -> Optio
     if counters.frames == 0 {
         return Some(match counters.dropped_bytes {
             0 => "no frames: the board has sent nothing".into(),
-            bytes => format!("no frames: {bytes} bytes came, but none is part of a frame; check the baud rate and the board's firmware"),
+            bytes => format!(
+                "no frames: {bytes} bytes came, but none is part of a frame; check the baud rate and the board's firmware"
+            ),
         });
     }
     if state.ring.is_empty() {
@@ -26,7 +28,10 @@ pub(super) fn nothing_mapped(state: &FinalState<'_>, summary: &Summary) -> Optio
         return Some("no readings: the board has sent frames, but no SONAR frame that can be used".into());
     }
     if counters.sweeps == 0 {
-        return Some(format!("no sweeps: {} were dropped because too much of them was missing", counters.dropped_sweeps));
+        return Some(format!(
+            "no sweeps: {} were dropped because too much of them was missing",
+            counters.dropped_sweeps
+        ));
     }
     if has_marks(state.raster) {
         return None;
@@ -63,9 +68,8 @@ pub(super) fn doubts(state: &FinalState<'_>, summary: &Summary, lost_since_s: Op
     let mut doubts = Vec::new();
     let Summary { uncertain_s, lock_losses, .. } = *summary;
     match lost_since_s {
-        Some(since_s) => doubts.push(format!(
-            "the position is uncertain since {since_s:.1} s, to the end ({uncertain_s:.1} s in all)"
-        )),
+        Some(since_s) => doubts
+            .push(format!("the position is uncertain since {since_s:.1} s, to the end ({uncertain_s:.1} s in all)")),
         None if uncertain_s > 0.0 => {
             doubts.push(format!("the position was lost {} and uncertain for {uncertain_s:.1} s", times(lock_losses)));
         }
@@ -74,9 +78,11 @@ pub(super) fn doubts(state: &FinalState<'_>, summary: &Summary, lost_since_s: Op
     if let Some(position) = summary.position.as_ref().filter(|position| !position.is_known) {
         doubts.push(position.reason.clone());
     }
-    doubts.extend(summary.encoder_faults.iter().map(|fault| {
-        format!("the {} wheel's encoder is {} since {:.1} s", fault.wheel, fault.state, fault.found_s)
-    }));
+    doubts.extend(
+        summary.encoder_faults.iter().map(|fault| {
+            format!("the {} wheel's encoder is {} since {:.1} s", fault.wheel, fault.state, fault.found_s)
+        }),
+    );
     if summary.nothing_mapped.is_none() && summary.position.is_none() && state.walls == 0 {
         doubts.push("no straight wall was found: the poses are those of the encoders".into());
     }
@@ -106,11 +112,9 @@ impl Summary {
         let _ = match self.ignored_sensors.as_slice() {
             [] => write!(line, "no sensor ignored"),
             [one] => write!(line, "sensor {one} ignored"),
-            many => write!(
-                line,
-                "sensors {} ignored",
-                many.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
-            ),
+            many => {
+                write!(line, "sensors {} ignored", many.iter().map(ToString::to_string).collect::<Vec<_>>().join(", "))
+            }
         };
         let _ = match self.doubtful.as_slice() {
             [] => write!(line, "; nothing doubtful"),

@@ -202,7 +202,8 @@ impl Outputs {
         (summary.mean_us_per_sweep, summary.p99_us_per_sweep) = self.timings.mean_and_p99_us().unzip();
         summary.latency = self.latency();
         // Free space alone is no map: the files must not look like one.
-        let (empty, is_empty) = (Raster::default(), summary.nothing_mapped.is_some() && !ending::has_marks(state.raster));
+        let (empty, is_empty) =
+            (Raster::default(), summary.nothing_mapped.is_some() && !ending::has_marks(state.raster));
         let raster = if is_empty { &empty } else { state.raster };
         let known = raster.occupancy.iter().filter(|percent| **percent != Raster::UNKNOWN).count();
         summary.map_m2 = known as f64 * raster.cell_m * raster.cell_m;

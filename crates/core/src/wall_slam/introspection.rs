@@ -1,7 +1,7 @@
 //! The default method as the pipeline sees it: the entry points, and what can be read of its state.
 
-use super::step::RobotState;
 use super::initializing::Initializing;
+use super::step::RobotState;
 use super::{Mode, OdometryOutage, WallSlam};
 use crate::event::{Calibration, Event, SensorState, Verdict};
 use crate::geometry::{Pose2, Segment};
