@@ -19,6 +19,7 @@ impl EventLog {
             Event::BoardTrouble { text, .. } => tracing::error!("board: {text}"),
             Event::BoardLog { text, .. } => tracing::info!("board says: {text}"),
             Event::Localization(event) => note_localization(event),
+            Event::Model(event) => tracing::warn!("{:.1} s: {}", event.at.seconds(), event.sentence()),
             Event::Fault(fault) => tracing::warn!("{:.1} s: {}", fault.at.seconds(), fault.reason),
             Event::Encoder(encoder) => tracing::warn!("{:.1} s: {}", encoder.at.seconds(), encoder.reason),
             Event::Estimate(_) => {
@@ -45,6 +46,10 @@ fn note_localization(event: &LocalizationEvent) {
                 "position not found: no other pose explains the echoes; mapping continues at the estimated pose"
             );
         }
+        LocalizationChange::Doubted { reason } => {
+            tracing::warn!("poses are uncertain since {since_s:.1} s: {reason}");
+        }
+        LocalizationChange::Trusted => tracing::info!("poses are certain again; those since {since_s:.1} s were not"),
         LocalizationChange::KnownMap(search) if event.is_lost() => tracing::warn!("{}", search.reason),
         LocalizationChange::KnownMap(search) => tracing::info!("{}", search.reason),
     }

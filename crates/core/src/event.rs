@@ -1,6 +1,7 @@
 //! What goes into the pipeline and what comes out.
 
 use crate::geometry::Pose2;
+use crate::robot_model::ModelEvent;
 use crate::time::Timestamp;
 use bytes::Bytes;
 use nalgebra::Matrix3;
@@ -74,6 +75,8 @@ pub enum Event {
     Encoder(EncoderEvent),
     /// The robot's pose in the map became known or unknown.
     Localization(LocalizationEvent),
+    /// The robot is not what its configuration says, or a finding of that kind has changed.
+    Model(ModelEvent),
     /// A line of text from the board, control characters removed.
     BoardLog {
         /// When it arrived.
@@ -129,8 +132,8 @@ impl LocalizationEvent {
     #[must_use]
     pub fn is_lost(&self) -> bool {
         match &self.change {
-            LocalizationChange::Lost => true,
-            LocalizationChange::Regained { .. } | LocalizationChange::Abandoned => false,
+            LocalizationChange::Lost | LocalizationChange::Doubted { .. } => true,
+            LocalizationChange::Regained { .. } | LocalizationChange::Abandoned | LocalizationChange::Trusted => false,
             LocalizationChange::KnownMap(search) => search.state != SearchState::Found,
         }
     }
@@ -150,6 +153,13 @@ pub enum LocalizationChange {
     },
     /// No other pose fits better: relocalization ended, the estimate stays.
     Abandoned,
+    /// The pose cannot be relied on, though the echoes may agree with the map: the robot itself is in doubt.
+    Doubted {
+        /// Explanation for people.
+        reason: String,
+    },
+    /// What made the pose doubtful is over.
+    Trusted,
     /// Progress of the search for the start pose in a known map. Only the localizer sends it.
     KnownMap(KnownMapSearch),
 }

@@ -45,7 +45,8 @@ impl SessionState {
             | Event::Ring { .. }
             | Event::BoardLog { .. }
             | Event::BoardReset { .. }
-            | Event::BoardTrouble { .. } => {}
+            | Event::BoardTrouble { .. }
+            | Event::Model(_) => {}
         }
     }
 

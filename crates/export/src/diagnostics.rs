@@ -107,6 +107,10 @@ impl Diagnostics {
                         "position not found: no other place explains what is heard",
                         Some(event.at),
                     ),
+                    LocalizationChange::Doubted { reason } => {
+                        Status::new(Level::Error, "doubtful", reason.as_str(), Some(event.since))
+                    }
+                    LocalizationChange::Trusted => Status::new(Level::Ok, "known", "position known", Some(event.at)),
                     LocalizationChange::KnownMap(search) => {
                         let (level, state) =
                             if event.is_lost() { (Level::Error, "unknown") } else { (Level::Ok, "known") };

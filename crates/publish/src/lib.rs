@@ -144,7 +144,8 @@ impl Outputs {
             | Event::Ring { .. }
             | Event::BoardLog { .. }
             | Event::BoardReset { .. }
-            | Event::BoardTrouble { .. } => {}
+            | Event::BoardTrouble { .. }
+            | Event::Model(_) => {}
         }
     }
 

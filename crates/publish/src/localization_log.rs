@@ -26,6 +26,8 @@ impl LockLog {
             LocalizationChange::Lost => "lost",
             LocalizationChange::Regained { .. } => "regained",
             LocalizationChange::Abandoned => "abandoned",
+            LocalizationChange::Doubted { .. } => "doubted",
+            LocalizationChange::Trusted => "trusted",
             // The search in a known map goes to `summary.json`.
             LocalizationChange::KnownMap(_) => return,
         };
