@@ -32,11 +32,11 @@ impl LockLog {
             LocalizationChange::KnownMap(_) => return,
         };
         if event.is_lost() {
-            self.losses += 1;
+            self.losses += u64::from(event.change == LocalizationChange::Lost);
             self.open_since.get_or_insert(event.since);
         } else {
-            self.uncertain_s += event.at.seconds_since(event.since);
-            self.open_since = None;
+            let since = self.open_since.take().map_or(event.since, |open| open.min(event.since));
+            self.uncertain_s += event.at.seconds_since(since);
         }
         let line = format!("{:.6},{change},{:.6}\n", event.at.seconds(), event.since.seconds());
         self.file.append(line.as_bytes());
