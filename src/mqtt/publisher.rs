@@ -10,7 +10,7 @@ use crate::api::{Mailbox, Snapshot, Tap};
 use crate::priority;
 use bytes::Bytes;
 use rumqttc::{AsyncClient, ConnectReturnCode, ConnectionError, Event, EventLoop, LastWill, MqttOptions, Packet, QoS};
-use slamd_core::{Raster, SensorState};
+use slamd_core::{ModelEvent, Raster, SensorState};
 use slamd_publish::{Sketch, Surroundings};
 use std::cell::Cell;
 use std::io;
@@ -244,7 +244,9 @@ impl MqttPublisher {
                 *state = change.state;
             }
         }
-        let doubts: Vec<String> = snapshot.is_lost.then(|| "the position is uncertain".into()).into_iter().collect();
+        let position = snapshot.is_lost.then(|| "the position is uncertain".into());
+        let doubts: Vec<String> =
+            position.into_iter().chain(snapshot.doubted_models().map(ModelEvent::sentence)).collect();
         let around = Surroundings {
             raster,
             ring: &snapshot.ring,

@@ -2,7 +2,7 @@
 
 use super::names::Names;
 use serde_json::json;
-use slamd_core::{FaultEvent, SensorState, Snapshot};
+use slamd_core::{FaultEvent, ModelEvent, SensorState, Snapshot};
 
 /// Topic and payload of everything in the snapshot except the map.
 pub(super) fn messages(names: &Names, snapshot: &Snapshot) -> Vec<(String, String)> {
@@ -19,6 +19,12 @@ pub(super) fn messages(names: &Names, snapshot: &Snapshot) -> Vec<(String, Strin
         });
         messages.push((names.topic("pose"), payload.to_string()));
         messages.push((names.topic("position_uncertain"), word(snapshot.is_lost)));
+    }
+    if snapshot.estimate.is_some() || snapshot.doubted_models().next().is_some() {
+        let findings: Vec<String> = snapshot.doubted_models().map(ModelEvent::sentence).collect();
+        messages.push((names.topic("configuration_doubtful"), word(!findings.is_empty())));
+        let attributes = json!({ "findings": findings }).to_string();
+        messages.push((names.topic("configuration_doubtful/attributes"), attributes));
     }
     for sensor in 0..snapshot.ring.len() {
         let fault = snapshot.faulty().find(|change| change.sensor == sensor);

@@ -70,6 +70,9 @@ pub(super) fn doubts(state: &FinalState<'_>, summary: &Summary, lost_since_s: Op
     match lost_since_s {
         Some(since_s) => doubts
             .push(format!("the position is uncertain since {since_s:.1} s, to the end ({uncertain_s:.1} s in all)")),
+        None if uncertain_s > 0.0 && lock_losses == 0 => {
+            doubts.push(format!("the position was uncertain for {uncertain_s:.1} s"));
+        }
         None if uncertain_s > 0.0 => {
             doubts.push(format!("the position was lost {} and uncertain for {uncertain_s:.1} s", times(lock_losses)));
         }
@@ -78,6 +81,7 @@ pub(super) fn doubts(state: &FinalState<'_>, summary: &Summary, lost_since_s: Op
     if let Some(position) = summary.position.as_ref().filter(|position| !position.is_known) {
         doubts.push(position.reason.clone());
     }
+    doubts.extend(summary.model.iter().filter(|report| !report.resolved).map(|report| report.text.clone()));
     doubts.extend(
         summary.encoder_faults.iter().map(|fault| {
             format!("the {} wheel's encoder is {} since {:.1} s", fault.wheel, fault.state, fault.found_s)

@@ -4,6 +4,7 @@ mod ending;
 mod fault_log;
 mod localization_log;
 mod map_file;
+mod model_log;
 mod picture;
 mod pose_table;
 mod sketch;
@@ -12,6 +13,7 @@ mod track;
 mod trajectory;
 
 pub use map_file::{FREE_PERCENT, OCCUPIED_PERCENT, grey, grey_png, write_map};
+pub use model_log::{ModelReport, Remedy};
 pub use pose_table::PoseTable;
 pub use sketch::{Sketch, Surroundings};
 pub use slamd_files::WriteError;
@@ -72,6 +74,7 @@ pub struct Outputs {
     timings: Timings,
     delays: Timings,
     doubts: Vec<String>,
+    model: Vec<ModelReport>,
 }
 
 impl Outputs {
@@ -97,6 +100,7 @@ impl Outputs {
             timings: Timings::new(),
             delays: Timings::new(),
             doubts: Vec::new(),
+            model: Vec::new(),
         })
     }
 
@@ -129,6 +133,7 @@ impl Outputs {
                 self.lock_log.append(event);
                 self.sketch.localization(event);
             }
+            Event::Model(event) => model_log::take(&mut self.model, event),
             Event::Fault(fault) => {
                 self.fault_log.append(fault);
                 if let Some(faults) = &mut self.faults {
@@ -144,8 +149,7 @@ impl Outputs {
             | Event::Ring { .. }
             | Event::BoardLog { .. }
             | Event::BoardReset { .. }
-            | Event::BoardTrouble { .. }
-            | Event::Model(_) => {}
+            | Event::BoardTrouble { .. } => {}
         }
     }
 
@@ -195,6 +199,7 @@ impl Outputs {
         summary.ignored_sensors = ending::ignored(state.states);
         summary.lock_losses = self.lock_log.losses();
         summary.uncertain_s = self.lock_log.uncertain_s(self.sketch.last_at());
+        summary.model.clone_from(&self.model);
         summary.nothing_mapped = ending::nothing_mapped(state, &summary);
         let lost_since_s = self.lock_log.open_since().map(Timestamp::seconds);
         summary.doubtful = ending::doubts(state, &summary, lost_since_s);

@@ -1,5 +1,6 @@
 //! `summary.json`: a run in a few numbers, keys always in the same order.
 
+use super::ModelReport;
 use hdrhistogram::Histogram;
 use serde::Serialize;
 use slamd_core::{Calibration, Counters, EncoderEvent, KnownMapSearch, SearchState};
@@ -50,6 +51,8 @@ pub struct Summary {
     pub calibration: Option<Calibration>,
     /// The wheel encoders that were broken at the end.
     pub encoder_faults: Vec<EncoderFault>,
+    /// In what the robot differed from its configuration.
+    pub model: Vec<ModelReport>,
     /// Result of the search for the pose in a known map; none if there was no search.
     pub position: Option<KnownMapPosition>,
     /// Errors against the true path, where it is known.
@@ -144,6 +147,7 @@ impl Summary {
             map_sha256: String::new(),
             calibration: None,
             encoder_faults: Vec::new(),
+            model: Vec::new(),
             position: None,
             accuracy: None,
             faults: None,
