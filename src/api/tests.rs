@@ -221,7 +221,7 @@ fn differences_from_the_configuration_are_news_once() {
         let finding = ModelFinding { aspect: ModelAspect::WheelScale, measured: 4.0, sigma: 0.1, clause, remedies };
         ModelEvent { at: at(1), since: at(0), finding, state }
     };
-    let mut told = |client: &mut Client, ms, state| {
+    let told = |client: &mut Client, ms, state| {
         client.update(at(ms), &Snapshot { models: vec![event(state)], ..snapshot(ms / 100) }, 1);
         let lines = taken(client, ms).into_iter().filter(|(class, _)| class == "MODEL");
         lines.map(|(_, line)| line["state"].as_str().unwrap().to_owned()).collect::<Vec<_>>()

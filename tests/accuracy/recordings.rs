@@ -54,7 +54,7 @@ fn run(capture: &Path, config: &Config) -> Run {
 /// A case of `../shared/cases`: a recording with the configuration of its robot.
 fn case(recording: &str) -> Option<(Vec<u8>, Config)> {
     let path = data(&format!("../cases/{recording}"))?;
-    let toml = std::fs::read_to_string(path.parent()?.join("../ring16.toml")).unwrap();
+    let toml = std::fs::read_to_string(data("../cases/ring16.toml")?).unwrap();
     Some((std::fs::read(path).unwrap(), Config::from_toml(&toml).unwrap()))
 }
 
