@@ -130,7 +130,6 @@ impl Filler {
         bits.fold(0, |set, (sensor, _)| set | 1u128.checked_shl(sensor).unwrap_or_default())
     }
 
-    #[expect(clippy::float_cmp, reason = "the cell says 0")]
     fn fills(self, reading: f64) -> bool {
         reading.is_nan() || (self.is_zero && reading == 0.0) || (self.is_negative && reading < 0.0)
     }
@@ -154,8 +153,7 @@ const PAUSE: f64 = 5.0;
 /// one answers again, or at a pause.
 pub(super) fn cycle_ends(rows: &[Row], filler: Filler) -> Vec<bool> {
     let all = rows.iter().fold(0, |all, row| all | filler.heard(row));
-    let mut steps_s: Vec<f64> =
-        rows.windows(2).filter_map(|pair| matches!(pair, [_, _]).then(|| step_s(pair))).collect();
+    let mut steps_s: Vec<f64> = rows.windows(2).map(step_s).collect();
     steps_s.sort_by(f64::total_cmp);
     let pause_s = PAUSE * steps_s.get(steps_s.len() / 2).copied().unwrap_or(f64::INFINITY);
     let mut cycle = 0;
