@@ -202,8 +202,7 @@ impl ModelCheck {
 }
 
 /// Factors by which hobbyists are wrong: from a fourth (edges for pulses) to four, in steps that the refinement bridges.
-const FACTORS: [f64; 16] =
-    [0.25, 0.3, 0.35, 0.42, 0.5, 0.6, 0.71, 0.84, 1.19, 1.41, 1.68, 2.0, 2.38, 2.83, 3.36, 4.0];
+const FACTORS: [f64; 16] = [0.25, 0.3, 0.35, 0.42, 0.5, 0.6, 0.71, 0.84, 1.19, 1.41, 1.68, 2.0, 2.38, 2.83, 3.36, 4.0];
 /// A factor of travel that is none.
 const SAME_SCALE: f64 = 1.1;
 /// Rotations of a ring that are tried in a full turn.
@@ -233,7 +232,8 @@ fn alternative(believed: &RobotModel, index: usize) -> Option<RobotModel> {
 fn neighbours(model: &RobotModel, step: f64) -> [RobotModel; 8] {
     let RobotModel { travel, turn, ring_rad } = *model;
     let [more, less] = [1.0 + step, 1.0 / (1.0 + step)];
-    let scaled = |by_travel: f64, by_turn: f64| RobotModel { travel: travel * by_travel, turn: turn * by_turn, ring_rad };
+    let scaled =
+        |by_travel: f64, by_turn: f64| RobotModel { travel: travel * by_travel, turn: turn * by_turn, ring_rad };
     let turned = |sign: f64| RobotModel { ring_rad: wrap_angle(ring_rad + sign * step * 0.2 * PI), ..*model };
     [
         scaled(more, more),

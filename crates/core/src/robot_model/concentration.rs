@@ -72,8 +72,11 @@ impl Concentration {
         for step in first..=last {
             let direction = usize::try_from(step.rem_euclid(DIRECTIONS as i64)).unwrap_or(0);
             let (cos, sin) = self.normals[direction];
-            let depth_m =
-                if is_point { arc.range_m * libm::cos(step as f64 * STEP_RAD - arc.sensor.theta_rad) } else { arc.range_m };
+            let depth_m = if is_point {
+                arc.range_m * libm::cos(step as f64 * STEP_RAD - arc.sensor.theta_rad)
+            } else {
+                arc.range_m
+            };
             let rho_m = arc.sensor.x_m * cos + arc.sensor.y_m * sin + depth_m;
             // Walls lie ahead of the sensors more often than behind the origin.
             let bin = rho_m / params.rho_step_m + 0.25 * RHO_BINS as f64;

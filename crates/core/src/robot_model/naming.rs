@@ -71,7 +71,11 @@ fn turn_scale(robot: &RobotConfig, base_factor: f64, turn: f64) -> ModelFinding 
 /// Straight travel differs and turning does not.
 fn range_scale(robot: &RobotConfig, travel: f64) -> ModelFinding {
     let measured = travel;
-    let both = format!("{} and robot.wheel_base_m = {}", rounded(robot.wheel_radius_m * travel), rounded(robot.wheel_base_m * travel));
+    let both = format!(
+        "{} and robot.wheel_base_m = {}",
+        rounded(robot.wheel_radius_m * travel),
+        rounded(robot.wheel_base_m * travel)
+    );
     let unit = if (measured - 0.5).abs() < 0.08 {
         "; a board that reports one-way times of flight has ranges half as long"
     } else {
@@ -106,7 +110,8 @@ fn wheel_signs() -> ModelFinding {
         aspect: ModelAspect::WheelSigns,
         measured: -1.0,
         sigma: FACTOR_SIGMA,
-        clause: "the wheels report backward where the walls say forward, and turn the wrong way: both count backwards".into(),
+        clause: "the wheels report backward where the walls say forward, and turn the wrong way: both count backwards"
+            .into(),
         remedies: vec![("board.left_reversed", "true and board.right_reversed = true".into())],
     }
 }
@@ -118,7 +123,10 @@ fn ring_rotation(turned_rad: f64) -> ModelFinding {
         aspect: ModelAspect::RingRotation,
         measured: degrees,
         sigma: 3.0,
-        clause: format!("the robot drives at {:.0} degrees to where sensor bearings say ahead is: the ring is turned", -degrees),
+        clause: format!(
+            "the robot drives at {:.0} degrees to where sensor bearings say ahead is: the ring is turned",
+            -degrees
+        ),
         remedies: vec![("ring.rotation_deg", format!("{degrees:.0}"))],
     }
 }

@@ -83,7 +83,9 @@ impl Window {
                 self.next_sensor = sensor;
                 break;
             }
-            let (Some(beam), Some(mounting)) = (sweep.beams.get(sensor), configured.mountings.get(sensor)) else { break };
+            let (Some(beam), Some(mounting)) = (sweep.beams.get(sensor), configured.mountings.get(sensor)) else {
+                break;
+            };
             if beam.has_range() && is_trusted(sensor) {
                 let moved = beam.robot_from_sensor * mounting.robot_from_sensor.inverse();
                 self.returns.push_back(Return { sensor, moved, range_m: beam.range_m });
