@@ -5,7 +5,7 @@ use super::request::{MAX_LINE_BYTES, Request, RequestError, Watch, parse};
 use super::send_queue::SendQueue;
 use super::token::Token;
 use bytes::Bytes;
-use slamd_core::{FaultEvent, SensorState, Snapshot, Timestamp, link::LinkState};
+use slamd_core::{FaultEvent, ModelEvent, ModelState, SensorState, Snapshot, Timestamp, link::LinkState};
 use std::time::Duration;
 
 /// Why a connection is closed.
@@ -99,6 +99,7 @@ struct Sent {
     sweep: Option<u64>,
     device: Option<DeviceState>,
     changes: Vec<Option<FaultEvent>>,
+    models: Vec<ModelEvent>,
 }
 
 /// A client that neither requests nor watches is dropped after this long.
@@ -170,6 +171,7 @@ impl Client {
         if poll {
             self.send(at, &Report::device(snapshot));
             snapshot.faulty().for_each(|change| self.send(at, &Report::fault(change)));
+            snapshot.doubted_models().for_each(|event| self.send(at, &Report::model(event)));
             let newest = [Report::sweep(snapshot), Report::pose(snapshot), Some(Report::stats(snapshot, clients))];
             newest.iter().flatten().for_each(|report| self.send(at, report));
         }
@@ -323,6 +325,16 @@ impl Client {
         if !self.sent.device.as_ref().is_some_and(|state| state.is_state_of(snapshot)) {
             self.sent.device = Some(DeviceState::new(snapshot));
             self.send(at, &Report::device(snapshot));
+        }
+        if self.sent.models != snapshot.models {
+            let before = std::mem::replace(&mut self.sent.models, snapshot.models.clone());
+            // Each aspect keeps its index. A new watcher gets what differs now.
+            for (index, event) in snapshot.models.iter().enumerate() {
+                let is_news = index < before.len() || event.state != ModelState::Resolved;
+                if is_news && before.get(index) != Some(event) {
+                    self.send(at, &Report::model(event));
+                }
+            }
         }
         if self.sent.changes != snapshot.changes {
             let before = std::mem::replace(&mut self.sent.changes, snapshot.changes.clone());

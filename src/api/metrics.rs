@@ -49,6 +49,14 @@ pub(super) fn page(snapshot: &Snapshot, served: Served) -> String {
         (format!("{{sensor=\"{sensor}\"}}"), f64::from(u8::from(is_faulty)))
     });
     family(&mut page, "sensor_faulty", "gauge", "1 where a sensor is ignored.", faulty);
+    let differences = [(String::new(), snapshot.doubted_models().count() as f64)];
+    family(
+        &mut page,
+        "model_findings",
+        "gauge",
+        "Ways in which the robot differs from its configuration.",
+        differences,
+    );
     if let Some(estimate) = &snapshot.estimate {
         let sigma = |i: usize| libm::sqrt(estimate.covariance[(i, i)]);
         let position = libm::sqrt(estimate.covariance[(0, 0)] + estimate.covariance[(1, 1)]);

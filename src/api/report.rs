@@ -6,7 +6,9 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use bytes::Bytes;
 use serde::Serialize;
-use slamd_core::{Counters, FaultEvent, Mounting, Raster, SensorState, Snapshot, Timestamp, Verdict};
+use slamd_core::{
+    Counters, FaultEvent, ModelAspect, ModelEvent, Mounting, Raster, SensorState, Snapshot, Timestamp, Verdict,
+};
 use slamd_publish::grey_png;
 
 /// Version of the lines: a new major version changes fields, a new minor version adds fields.
@@ -26,6 +28,7 @@ pub enum Report<'a> {
     Sweep(Sweep),
     Map(Map),
     Fault(Fault<'a>),
+    Model(Model<'a>),
     Stats(Stats),
     Error { message: &'a str },
 }
@@ -106,6 +109,27 @@ pub struct Fault<'a> {
     pub sensor: usize,
     pub state: &'static str,
     pub reason: &'a str,
+}
+
+/// A change of what is known of the robot's differences from its configuration.
+#[derive(Clone, Debug, Serialize)]
+pub struct Model<'a> {
+    pub time_s: f64,
+    pub since_s: f64,
+    pub name: &'static str,
+    pub sensor: Option<usize>,
+    pub measured: f64,
+    pub sigma: f64,
+    pub state: &'static str,
+    pub remedies: Vec<Remedy<'a>>,
+    pub text: String,
+}
+
+/// A configuration key that mends it, and its value as in TOML.
+#[derive(Clone, Debug, Serialize)]
+pub struct Remedy<'a> {
+    pub key: &'static str,
+    pub value: &'a str,
 }
 
 /// Counters.
@@ -193,6 +217,23 @@ impl<'a> Report<'a> {
         };
         let time_s = rounded(change.at.seconds());
         Self::Fault(Fault { time_s, sensor: change.sensor, state, reason: &change.reason })
+    }
+
+    /// A difference from the configuration.
+    #[must_use]
+    pub fn model(event: &'a ModelEvent) -> Self {
+        let finding = &event.finding;
+        Self::Model(Model {
+            time_s: rounded(event.at.seconds()),
+            since_s: rounded(event.since.seconds()),
+            name: finding.aspect.word(),
+            sensor: if let ModelAspect::SensorBearing(sensor) = finding.aspect { Some(sensor) } else { None },
+            measured: rounded(finding.measured),
+            sigma: rounded(finding.sigma),
+            state: event.state.word(),
+            remedies: finding.remedies.iter().map(|(key, value)| Remedy { key, value }).collect(),
+            text: event.sentence(),
+        })
     }
 
     /// The counters; `clients` are connected.

@@ -5,7 +5,10 @@ use super::{Client, End, Report, Snapshot, Tap, Token};
 use bytes::Bytes;
 use nalgebra::Matrix3;
 use serde_json::Value;
-use slamd_core::{Estimate, FaultEvent, FaultKind, Pose2, SensorState, Timestamp, link::Link};
+use slamd_core::{
+    Estimate, FaultEvent, FaultKind, ModelAspect, ModelEvent, ModelFinding, ModelState, Pose2, SensorState, Timestamp,
+    link::Link,
+};
 use std::sync::Arc;
 
 fn at(ms: u64) -> Timestamp {
@@ -209,6 +212,29 @@ fn a_request_is_answered_after_the_client_closed_its_side() {
     assert!(!client.is_over(at(100)));
     assert_eq!(classes(&mut client, 100).last().unwrap(), "STATS");
     assert!(client.is_over(at(100)));
+}
+
+#[test]
+fn differences_from_the_configuration_are_news_once() {
+    let event = |state| {
+        let (clause, remedies) = ("the wheels report too much".into(), vec![("robot.ticks_per_turn", "1440".into())]);
+        let finding = ModelFinding { aspect: ModelAspect::WheelScale, measured: 4.0, sigma: 0.1, clause, remedies };
+        ModelEvent { at: at(1), since: at(0), finding, state }
+    };
+    let told = |client: &mut Client, ms, state| {
+        client.update(at(ms), &Snapshot { models: vec![event(state)], ..snapshot(ms / 100) }, 1);
+        let lines = taken(client, ms).into_iter().filter(|(class, _)| class == "MODEL");
+        lines.map(|(_, line)| line["state"].as_str().unwrap().to_owned()).collect::<Vec<_>>()
+    };
+    let mut client = watching("?WATCH;\n");
+    assert_eq!(told(&mut client, 100, ModelState::Doubted), ["doubted"]);
+    assert!(told(&mut client, 200, ModelState::Doubted).is_empty());
+    assert_eq!(told(&mut client, 300, ModelState::Resolved), ["resolved"]);
+    let mut late = watching("?WATCH;\n");
+    assert!(told(&mut late, 400, ModelState::Resolved).is_empty());
+    assert_eq!(told(&mut late, 500, ModelState::Corrected), ["corrected"]);
+    late.received(at(500), b"?POLL;\n");
+    assert_eq!(told(&mut late, 600, ModelState::Corrected), ["corrected"]);
 }
 
 #[test]

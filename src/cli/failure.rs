@@ -21,6 +21,8 @@ pub enum Kind {
     CantCreate = 73,
     /// Reading or writing failed.
     Io = 74,
+    /// The session is over before anything was mapped.
+    NothingMapped = 75,
     /// The configuration is wrong.
     Config = 78,
 }

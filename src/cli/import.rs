@@ -49,6 +49,7 @@ impl ImportArgs {
             Format::Ring(_) => ring::import(input, &name, &config, &files.capture),
             Format::Carmen(_) => carmen::import(input, &name, &config, &files.capture),
         }?;
+        summary.doubts.iter().for_each(|doubt| tracing::warn!("{name}: {doubt}"));
         eprintln!("{}: {summary}", files.capture.display());
         Ok(())
     }
@@ -59,7 +60,7 @@ impl From<ImportError> for Failure {
         let kind = match &error {
             ImportError::Io { source, .. } if source.kind() == io::ErrorKind::NotFound => Kind::NoInput,
             ImportError::Io { .. } => Kind::Io,
-            ImportError::Line { .. } | ImportError::Empty { .. } => Kind::Data,
+            ImportError::Line { .. } | ImportError::Empty { .. } | ImportError::Unit { .. } => Kind::Data,
             ImportError::Config(_) => Kind::Config,
             ImportError::Capture(CaptureError::Io { .. }) => Kind::CantCreate,
             ImportError::Capture(_) => Kind::Data,

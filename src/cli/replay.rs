@@ -8,6 +8,7 @@ use crate::source::session::Session;
 use clap::Args;
 use slamd_capture::CaptureReader;
 use slamd_metrics::TrueFault;
+use slamd_publish::Summary;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
@@ -44,13 +45,15 @@ impl ReplayArgs {
         bar.finish_and_clear();
         if let Some(damage) = capture.damage() {
             tracing::warn!("{}: {damage}; what was readable has been used", self.file.display());
+            session.doubt(format!("the capture is damaged: {damage}"));
         }
         let saved = self.state.save(self.state.saver(), &session);
         let (summary, faulty) = session.finish()?;
-        terminal::report(&summary, &faulty, &self.output.out, self.output.json);
+        let ending = terminal::report(&summary, &faulty, &self.output.out, self.output.json);
         #[cfg(feature = "viewer")]
         watched.finish()?;
-        saved
+        saved?;
+        ending.map_err(|failure| of_capture(&self.file, &summary, failure))
     }
 
     fn run_folder(&self) -> Result<(), Failure> {
@@ -67,6 +70,12 @@ impl ReplayArgs {
         }
         replay_folder(&self.file, self.jobs.map(usize::from), &self.output)
     }
+}
+
+/// Why a capture gave no map. One without a frame has the wrong content.
+pub(super) fn of_capture(file: &Path, summary: &Summary, failure: Failure) -> Failure {
+    let kind = if summary.frames == 0 { Kind::Data } else { failure.kind };
+    Failure::new(kind, format!("{}: {failure}", file.display()))
 }
 
 /// Opens a capture, and a session for it that writes into `folder`.

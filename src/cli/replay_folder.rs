@@ -1,6 +1,6 @@
 //! `slamd replay DIR`: replays all captures of a folder on all cores, each into its own folder.
 
-use super::replay::open;
+use super::replay::{of_capture, open};
 use super::terminal::{progress_over, say};
 use super::{Failure, Kind, OutputArgs};
 use crate::source::replay::replay;
@@ -43,12 +43,28 @@ pub(super) fn replay_folder(folder: &Path, jobs: Option<usize>, output: &OutputA
     for (name, damage) in named().filter_map(|(name, outcome)| Some((name, outcome.as_ref().ok()?.damage.as_ref()?))) {
         tracing::warn!("{name}: {damage}; what was readable has been used");
     }
-    named().filter_map(|(_, outcome)| outcome.as_ref().err()).for_each(|failure| tracing::error!("{failure}"));
-    let (count, failed) = (outcomes.len(), outcomes.iter().filter(|outcome| outcome.is_err()).count());
-    match outcomes.into_iter().find_map(Result::err) {
+    let count = outcomes.len();
+    let failures: Vec<Failure> =
+        captures.iter().zip(outcomes).filter_map(|(capture, outcome)| failure(capture, outcome)).collect();
+    failures.iter().for_each(|failure| tracing::error!("{failure}"));
+    let failed = failures.iter().filter(|failure| failure.kind != Kind::NothingMapped).count();
+    match failures.iter().find(|failure| failed == 0 || failure.kind != Kind::NothingMapped) {
+        Some(first) if failed == 0 => {
+            Err(Failure::new(first.kind, format!("nothing was mapped from {} of {count} captures", failures.len())))
+        }
         Some(first) => Err(Failure::new(first.kind, format!("{failed} of {count} captures could not be replayed"))),
         None => Ok(()),
     }
+}
+
+/// What went wrong with a capture; none if it was mapped.
+fn failure(capture: &Path, outcome: Outcome) -> Option<Failure> {
+    let summary = match outcome {
+        Ok(row) => row.summary,
+        Err(failure) => return Some(failure),
+    };
+    let nothing = summary.nothing_mapped.as_ref()?;
+    Some(of_capture(capture, &summary, Failure::new(Kind::NothingMapped, format!("nothing mapped: {nothing}"))))
 }
 
 fn captures(folder: &Path) -> Result<Vec<PathBuf>, Failure> {

@@ -70,7 +70,13 @@ impl RunArgs {
         let mut shutdown = Shutdown::new(self.duration.map(Duration::from_secs_f64))?;
         let config = self.output.how.of_robot()?;
         let end = self.live.drive(&self.port, config, &self.output, (&runtime, &mut shutdown), &mut |_, _| {})?;
-        end.map_or(Ok(()), |end| end.report(&self.output))
+        match end {
+            Some(end) => end.report(&self.output),
+            None => {
+                tracing::warn!("nothing mapped: the session was over before the port was found");
+                Ok(())
+            }
+        }
     }
 }
 
@@ -86,15 +92,18 @@ pub(super) struct End {
 
 impl End {
     /// Prints the summary on standard output and logs failures.
+    ///
+    /// # Errors
+    /// When the state was not saved, or nothing was mapped.
     pub(super) fn report(self, output: &OutputArgs) -> Result<(), Failure> {
-        terminal::report(&self.summary, &self.faulty, &output.out, output.json);
+        let ending = terminal::report(&self.summary, &self.faulty, &output.out, output.json);
         if self.lacking.chunks > 0 {
             tracing::error!("{} chunks are missing from the recording", self.lacking.chunks);
         }
         if let Some(cause) = &self.lacking.unfinished {
             tracing::error!("the recording was not closed: {cause}; slamd can still read it");
         }
-        self.saved
+        self.saved.and(ending)
     }
 }
 
@@ -164,6 +173,9 @@ impl LiveArgs {
         // A failed save does not keep the map from being written.
         let saved = self.state.save(saver, &session);
         let lacking = recorder.map(Recorder::finish).unwrap_or_default();
+        if lacking.chunks > 0 {
+            session.doubt(format!("{} chunks are missing from the recording", lacking.chunks));
+        }
         let (summary, faulty) = session.finish()?;
         #[cfg(feature = "viewer")]
         watched.finish()?;

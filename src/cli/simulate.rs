@@ -4,7 +4,7 @@ use super::{Failure, Kind, terminal};
 use crate::source::pty;
 use clap::{ArgGroup, Args};
 use slamd_capture::{CaptureInfo, CaptureWriter};
-use slamd_core::Config;
+use slamd_core::{Config, Record};
 use slamd_sim::encoder::EncoderFault;
 use slamd_sim::fault::{FaultMix, SensorFault};
 use slamd_sim::link::LinkFaults;
@@ -137,16 +137,32 @@ impl SimulateArgs {
         };
         let mut capture = CaptureWriter::create(path, &info).map_err(Failure::creating)?;
         let bar = terminal::progress(Some(self.duration));
+        let (mut way_m, mut before) = (0.0, None);
         for record in session(simulation) {
             terminal::show(&bar, record.at().seconds());
             capture.record(&record)?;
+            if let Record::Truth { pose, .. } = &record {
+                let at = pose.position();
+                way_m += before.replace(at).map_or(0.0, |before| (at - before).norm());
+            }
         }
         bar.finish_and_clear();
         capture.finish()?;
         terminal::say(path.display());
+        if way_m < STANDSTILL_M {
+            tracing::warn!(
+                "the robot has not moved in {} s: nothing can be mapped; choose a longer --duration",
+                self.duration
+            );
+        } else {
+            tracing::info!("{way_m:.1} m of way in {} s", self.duration);
+        }
         Ok(())
     }
 }
+
+/// A way that is none, metres.
+const STANDSTILL_M: f64 = 0.02;
 
 /// Loads a built-in world or a world file.
 fn world(name: &str, seed: u64) -> Result<World, Failure> {

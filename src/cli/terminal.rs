@@ -1,5 +1,6 @@
 //! Output for people: a progress bar during the run, a few lines at the end.
 
+use super::{Failure, Kind};
 use indicatif::{ProgressBar, ProgressStyle};
 use slamd_core::FaultEvent;
 use slamd_publish::Summary;
@@ -43,12 +44,23 @@ pub(super) fn plain(text: impl std::fmt::Display) -> String {
     text.to_string().chars().filter(|c| !c.is_control() || matches!(c, '\n' | '\t')).collect()
 }
 
-/// Prints the summary as text or JSON on standard output.
-pub(super) fn report(summary: &Summary, faulty: &[FaultEvent], folder: &Path, json: bool) {
+/// Prints the summary as text or JSON on standard output. The last line of the text says what came of the run.
+///
+/// # Errors
+/// When nothing was mapped, with the reason.
+pub(super) fn report(summary: &Summary, faulty: &[FaultEvent], folder: &Path, json: bool) -> Result<(), Failure> {
     if json {
         say(summary.to_json());
-        return;
+    } else {
+        say_text(summary, faulty, folder);
     }
+    match summary.nothing_mapped {
+        Some(_) => Err(Failure::new(Kind::NothingMapped, summary.last_line())),
+        None => Ok(()),
+    }
+}
+
+fn say_text(summary: &Summary, faulty: &[FaultEvent], folder: &Path) {
     say(format_args!("{} sweeps, {} dropped, {} CRC errors", summary.sweeps, summary.dropped, summary.crc_errors));
     if let (Some(mean), Some(p99)) = (summary.mean_us_per_sweep, summary.p99_us_per_sweep) {
         say(format_args!("{mean:.0} us per sweep, 99th percentile {p99:.0} us"));
@@ -68,7 +80,10 @@ pub(super) fn report(summary: &Summary, faulty: &[FaultEvent], folder: &Path, js
     for fault in &summary.encoder_faults {
         say(format_args!("{} (since {:.1} s)", fault.reason, fault.found_s));
     }
-    say(format_args!("map: {}", folder.join("map.png").display()));
+    if summary.nothing_mapped.is_none() {
+        say(format_args!("map: {}", folder.join("map.png").display()));
+        say(summary.last_line());
+    }
 }
 
 fn style(template: &str) -> ProgressStyle {

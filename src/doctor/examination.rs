@@ -7,7 +7,8 @@ use super::sensors::SensorEvidence;
 use super::wheels::WheelEvidence;
 use bytes::Bytes;
 use slamd_core::{
-    Config, Driver, Event, FaultKind, Input, Record, SensorState, Timestamp, Update,
+    Config, Driver, Event, FaultKind, Input, ModelEvent, ModelState, Record, SensorState, SessionState, Timestamp,
+    Update,
     link::{Link, Remedy},
 };
 use slamd_protocol::{DELIMITER, FrameDecoder, Message, Setting};
@@ -30,6 +31,7 @@ pub struct Examination {
 struct Outputs {
     line: LineEvidence,
     transmit: Vec<Bytes>,
+    state: SessionState,
 }
 
 impl Examination {
@@ -46,7 +48,7 @@ impl Examination {
             driver,
             link,
             decoder: FrameDecoder::new(),
-            outputs: Outputs { line: LineEvidence::new(baud), transmit: Vec::new() },
+            outputs: Outputs { line: LineEvidence::new(baud), transmit: Vec::new(), state: SessionState::default() },
             sensors: SensorEvidence::default(),
             wheels: WheelEvidence::default(),
             clock: ClockEvidence::default(),
@@ -172,6 +174,8 @@ impl Examination {
                 self.config.settings().find(|(configured, _)| *configured == setting).map(|(_, value)| value)
             }) == Some(1)
         }));
+        let models = self.outputs.state.models().iter().filter(|event| event.state != ModelState::Resolved);
+        findings.extend(models.map(model));
         findings.extend(self.clock.findings());
         (findings, statistics)
     }
@@ -229,9 +233,21 @@ impl Outputs {
         match update {
             Update::Transmit(frame) => self.transmit.push(frame.clone()),
             Update::Event(Event::BoardTrouble { text, .. }) => self.line.trouble(text.clone()),
+            Update::Event(event @ Event::Model(_)) => self.state.take(event),
             Update::Event(_) | Update::Truth(..) | Update::Input => {}
         }
     }
+}
+
+/// A difference between robot and configuration, which only a drive among walls shows.
+fn model(event: &ModelEvent) -> Finding {
+    let remedies: Vec<String> = event.finding.remedies.iter().map(|(key, value)| format!("{key} = {value}")).collect();
+    let fix = if remedies.is_empty() {
+        "check the configuration's [robot] and [ring] against the robot, key by key".into()
+    } else {
+        format!("set {} in the robot's TOML (--config)", remedies.join(" or "))
+    };
+    Finding::new(Level::Warning, "model.differs", event.finding.clause.clone(), fix)
 }
 
 /// The sensors that the estimator classifies as noisy. Only the map can distinguish scatter from a real room.
@@ -242,4 +258,25 @@ fn noisy(states: &[SensorState]) -> impl Iterator<Item = Finding> {
         let fix = format!("tighten sensor {sensor}'s plug, give it a capacitor of 100 uF at its supply, or replace it");
         Finding::new(Level::Warning, "sensor.noisy", text, fix)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use slamd_core::{ModelAspect, ModelFinding};
+
+    #[test]
+    fn a_difference_names_the_key_that_mends_it() {
+        let at = Timestamp::default();
+        let differs = |remedies| {
+            let clause = "the wheels report 4.0 times the travel that the walls show".into();
+            let finding = ModelFinding { aspect: ModelAspect::WheelScale, measured: 4.0, sigma: 0.1, clause, remedies };
+            model(&ModelEvent { at, since: at, finding, state: ModelState::Doubted })
+        };
+        let named = differs(vec![("robot.ticks_per_turn", "1440".into()), ("robot.wheel_radius_m", "0.03".into())]);
+        assert_eq!((named.id, named.level), ("model.differs", Level::Warning));
+        let fix = "set robot.ticks_per_turn = 1440 or robot.wheel_radius_m = 0.03 in the robot's TOML (--config)";
+        assert_eq!(named.fix.as_deref(), Some(fix));
+        assert!(differs(Vec::new()).fix.is_some_and(|fix| fix.contains("[ring]")));
+    }
 }

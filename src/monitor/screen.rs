@@ -50,7 +50,11 @@ pub fn draw(area: Rect, buffer: &mut Buffer, dashboard: &Dashboard, log: &[Strin
     let about = if view.follow { "map about the robot" } else { "map" };
     let inside = frame(right, buffer, about, &width_in_words(right, dashboard, view), look);
     map::draw(inside, buffer, dashboard, view, look);
-    let inside = frame(faults, buffer, &format!("faulty sensors: {}", dashboard.session.faulty().count()), "", look);
+    let about = match (dashboard.session.doubted_models().count(), dashboard.session.faulty().count()) {
+        (0, faulty) => format!("faulty sensors: {faulty}"),
+        (doubts, faulty) => format!("doubts: {doubts}, faulty sensors: {faulty}"),
+    };
+    let inside = frame(faults, buffer, &about, "", look);
     reasons(inside, buffer, dashboard, look);
     let inside = frame(lines, buffer, "log", "", look);
     tail(inside, buffer, log, look);
@@ -100,17 +104,18 @@ fn width_in_words(area: Rect, dashboard: &Dashboard, view: View) -> String {
     format!("{:.1} m wide", dot_m * 2.0 * f64::from(inside.width))
 }
 
-/// Which sensors are ignored and why, newest first, and how many did not fit.
+/// What differs from the configuration, which sensors are ignored and why, newest first, and how many did not fit.
 fn reasons(area: Rect, buffer: &mut Buffer, dashboard: &Dashboard, look: Look) {
     let mut faults: Vec<_> = dashboard.session.faulty().collect();
-    if faults.is_empty() {
+    let doubts: Vec<String> = dashboard.session.doubted_models().map(|event| look.text(&event.sentence())).collect();
+    if faults.is_empty() && doubts.is_empty() {
         buffer.set_stringn(area.x, area.y, "none", usize::from(area.width), look.faint());
         return;
     }
     faults.sort_by_key(|fault| std::cmp::Reverse(fault.at));
     let red = look.ink(Color::Red);
-    let whole: Vec<String> =
-        faults.iter().map(|fault| look.text(fault.reason.strip_prefix("sensor ").unwrap_or(&fault.reason))).collect();
+    let reasons = faults.iter().map(|fault| look.text(fault.reason.strip_prefix("sensor ").unwrap_or(&fault.reason)));
+    let whole: Vec<String> = doubts.into_iter().chain(reasons).collect();
     let wrapped = Paragraph::new(whole.join("\n")).style(red).wrap(Wrap { trim: true });
     let (room, width) = (usize::from(area.height), usize::from(area.width));
     // Broken between words, a line may take one row more than its letters do.

@@ -17,6 +17,7 @@ pub fn discovery(names: &Names, sensors: usize) -> Vec<(String, String)> {
     messages.extend(pose(names));
     messages.push(link(names));
     messages.push(position(names));
+    messages.push(configuration(names));
     messages.extend((0..sensors).map(|sensor| self::sensor(names, sensor)));
     if sensors > 0 {
         let surplus =
@@ -72,6 +73,17 @@ fn position(names: &Names) -> (String, String) {
         "device_class": "problem",
     });
     entity(names, "binary_sensor", "position_uncertain", position)
+}
+
+fn configuration(names: &Names) -> (String, String) {
+    let configuration = json!({
+        "name": "Configuration doubtful",
+        "state_topic": names.topic("configuration_doubtful"),
+        "json_attributes_topic": names.topic("configuration_doubtful/attributes"),
+        "device_class": "problem",
+        "entity_category": "diagnostic",
+    });
+    entity(names, "binary_sensor", "configuration_doubtful", configuration)
 }
 
 fn sensor(names: &Names, sensor: usize) -> (String, String) {

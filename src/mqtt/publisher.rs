@@ -10,7 +10,7 @@ use crate::api::{Mailbox, Snapshot, Tap};
 use crate::priority;
 use bytes::Bytes;
 use rumqttc::{AsyncClient, ConnectReturnCode, ConnectionError, Event, EventLoop, LastWill, MqttOptions, Packet, QoS};
-use slamd_core::{Raster, SensorState};
+use slamd_core::{ModelEvent, Raster, SensorState};
 use slamd_publish::{Sketch, Surroundings};
 use std::cell::Cell;
 use std::io;
@@ -212,6 +212,7 @@ impl MqttPublisher {
 
     fn publish_snapshot(&mut self, snapshot: &Snapshot, map: Option<Raster>) {
         if let Some(estimate) = &snapshot.estimate {
+            self.sketch.set_uncertain(snapshot.is_lost, estimate.at);
             self.sketch.estimate(estimate);
         }
         if !self.connection.is_up.get() {
@@ -243,7 +244,16 @@ impl MqttPublisher {
                 *state = change.state;
             }
         }
-        let around = Surroundings { raster, ring: &snapshot.ring, states: &states, robot_name: &snapshot.robot };
+        let position = snapshot.is_lost.then(|| "the position is uncertain".into());
+        let doubts: Vec<String> =
+            position.into_iter().chain(snapshot.doubted_models().map(ModelEvent::sentence)).collect();
+        let around = Surroundings {
+            raster,
+            ring: &snapshot.ring,
+            states: &states,
+            robot_name: &snapshot.robot,
+            doubts: &doubts,
+        };
         match self.sketch.draw(around) {
             Ok(picture) => {
                 self.publish("map", picture.into());

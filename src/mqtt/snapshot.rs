@@ -2,7 +2,7 @@
 
 use super::names::Names;
 use serde_json::json;
-use slamd_core::{FaultEvent, SensorState, Snapshot};
+use slamd_core::{FaultEvent, ModelEvent, SensorState, Snapshot};
 
 /// Topic and payload of everything in the snapshot except the map.
 pub(super) fn messages(names: &Names, snapshot: &Snapshot) -> Vec<(String, String)> {
@@ -19,6 +19,12 @@ pub(super) fn messages(names: &Names, snapshot: &Snapshot) -> Vec<(String, Strin
         });
         messages.push((names.topic("pose"), payload.to_string()));
         messages.push((names.topic("position_uncertain"), word(snapshot.is_lost)));
+    }
+    if snapshot.estimate.is_some() || snapshot.doubted_models().next().is_some() {
+        let findings: Vec<String> = snapshot.doubted_models().map(ModelEvent::sentence).collect();
+        messages.push((names.topic("configuration_doubtful"), word(!findings.is_empty())));
+        let attributes = json!({ "findings": findings }).to_string();
+        messages.push((names.topic("configuration_doubtful/attributes"), attributes));
     }
     for sensor in 0..snapshot.ring.len() {
         let fault = snapshot.faulty().find(|change| change.sensor == sensor);
@@ -52,7 +58,7 @@ fn rounded(value: f64, parts: f64) -> f64 {
 mod tests {
     use super::*;
     use nalgebra::Matrix3;
-    use slamd_core::{Estimate, FaultKind, Pose2, Ring, Timestamp};
+    use slamd_core::{Estimate, FaultKind, ModelAspect, ModelFinding, ModelState, Pose2, Ring, Timestamp};
 
     #[test]
     fn only_known_values_are_published() {
@@ -75,10 +81,23 @@ mod tests {
             odometry: Pose2::default(),
             nis: 1.0,
         });
+        let finding = ModelFinding {
+            aspect: ModelAspect::TurnSign,
+            measured: -1.0,
+            sigma: 0.0,
+            clause: "the wheels turn the other way".into(),
+            remedies: Vec::new(),
+        };
+        snapshot.models = vec![ModelEvent { at, since: at, finding, state: ModelState::Doubted }];
         let found: Vec<_> = messages(&names, &snapshot).into_iter().skip(2).collect();
         let expected = [
             ("pose", r#"{"heading_deg":60.0,"x_m":1.23,"y_m":0.0}"#),
             ("position_uncertain", "ON"),
+            ("configuration_doubtful", "ON"),
+            (
+                "configuration_doubtful/attributes",
+                r#"{"findings":["the wheels turn the other way; poses are uncertain"]}"#,
+            ),
             ("sensor/0/attributes", r#"{"reason":"","state":"healthy"}"#),
             ("sensor/0", "OFF"),
             ("sensor/1/attributes", r#"{"reason":"always 1 m","state":"stuck"}"#),

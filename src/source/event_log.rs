@@ -1,6 +1,6 @@
 //! The log of a session: one line for each event that matters to a person.
 
-use slamd_core::{Event, LocalizationChange, LocalizationEvent};
+use slamd_core::{Event, LocalizationChange, LocalizationEvent, ModelState};
 
 /// Writes the log lines of one session.
 #[derive(Clone, Copy, Debug, Default)]
@@ -19,6 +19,9 @@ impl EventLog {
             Event::BoardTrouble { text, .. } => tracing::error!("board: {text}"),
             Event::BoardLog { text, .. } => tracing::info!("board says: {text}"),
             Event::Localization(event) => note_localization(event),
+            Event::Model(event) if event.state == ModelState::Resolved => {
+                tracing::info!("{:.1} s: {}", event.at.seconds(), event.sentence());
+            }
             Event::Model(event) => tracing::warn!("{:.1} s: {}", event.at.seconds(), event.sentence()),
             Event::Fault(fault) => tracing::warn!("{:.1} s: {}", fault.at.seconds(), fault.reason),
             Event::Encoder(encoder) => tracing::warn!("{:.1} s: {}", encoder.at.seconds(), encoder.reason),

@@ -86,6 +86,11 @@ impl Session {
         self.observers.outputs.true_faults(faults);
     }
 
+    /// Notes something that is doubtful of this run, for its summary.
+    pub fn doubt(&mut self, sentence: String) {
+        self.observers.outputs.doubt(sentence);
+    }
+
     /// Takes a record of a capture.
     ///
     /// # Errors
@@ -214,6 +219,9 @@ impl Session {
             states: pipeline.states(),
             counters: pipeline.counters(),
             calibration: pipeline.calibration(),
+            walls: pipeline.segments().len(),
+            waiting: pipeline.waiting(),
+            ended: driver.now(),
         })?;
         Ok((summary, observers.state.faulty().cloned().collect()))
     }

@@ -51,6 +51,74 @@ fn run(capture: &Path, config: &Config) -> Run {
     Run { poses, odometry, sweeps: counters.sweeps, states: pipeline.states().len() }
 }
 
+/// A case of `../shared/cases`: a recording with the configuration of its robot.
+fn case(recording: &str) -> Option<(Vec<u8>, Config)> {
+    let path = data(&format!("../cases/{recording}"))?;
+    let toml = std::fs::read_to_string(data("../cases/ring16.toml")?).unwrap();
+    Some((std::fs::read(path).unwrap(), Config::from_toml(&toml).unwrap()))
+}
+
+#[test]
+fn an_empty_cell_of_an_encoder_changes_nothing() {
+    let (Some((whole, config)), Some((holed, _))) = (case("base16.csv"), case("05-empty-tick-cell/one_empty_cell.csv"))
+    else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let capture = folder.path().join("case.mcap");
+    let poses = |csv: &[u8]| {
+        let summary = ring::import(csv, "case.csv", &config, &capture).unwrap();
+        (run(&capture, &config).poses, summary.filled_ticks)
+    };
+    let ((whole, none), (holed, filled)) = (poses(&whole), poses(&holed));
+    assert_eq!((none, filled, whole.len()), (0, 1, holed.len()));
+    let apart_m = whole.iter().zip(&holed).map(|(a, b)| (a.position() - b.position()).norm()).fold(0.0, f64::max);
+    assert!(apart_m < 0.01, "{apart_m} m");
+}
+
+#[test]
+fn ranges_in_another_unit_are_refused() {
+    for (unit, word) in [("cm", "centimetres?"), ("mm", "millimetres?"), ("us", "microseconds of flight")] {
+        let Some((csv, config)) = case(&format!("08-ranges-in-cm-or-mm/{unit}.csv")) else { continue };
+        let folder = tempfile::tempdir().unwrap();
+        let capture = folder.path().join("case.mcap");
+        let error = ring::import(csv.as_slice(), "case.csv", &config, &capture).unwrap_err().to_string();
+        assert!(error.contains("no reading of ") && error.contains(word), "{error}");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "a refused recording leaves no file");
+    }
+}
+
+#[test]
+fn sensors_that_answer_one_after_another_make_sweeps() {
+    let Some((csv, config)) = case("12-one-sensor-per-row/robin.csv") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let capture = folder.path().join("case.mcap");
+    let summary = ring::import(csv.as_slice(), "case.csv", &config, &capture).unwrap();
+    assert_eq!((summary.rows, summary.collected), (3600, 225));
+    let run = run(&capture, &config);
+    assert_eq!((run.sweeps, run.states), (225, 16));
+    assert!(extent(&run.poses).iter().all(|span_m| (1.0..5.0).contains(span_m)), "{:?}", extent(&run.poses));
+}
+
+#[test]
+fn a_small_ring_that_takes_turns_keeps_each_time_and_count() {
+    let folder = tempfile::tempdir().unwrap();
+    let capture = folder.path().join("turns.mcap");
+    let row = |k: usize, fill: &str| {
+        let cell = |sensor| if k % 3 == sensor { "1.25" } else { fill };
+        format!("{:.2},{},{},{},{},{}\n", 0.1 * k as f64, 3 * k, 2 * k, cell(0), cell(1), cell(2))
+    };
+    for fill in ["", "nan", "0", "-1"] {
+        let rows: String = (0..12).map(|k| row(k, fill)).collect();
+        let text = format!("t_s,left_ticks,right_ticks,r0,r1,r2\n{rows}");
+        let summary = import_ring(&text, &capture).unwrap();
+        assert_eq!((summary.rows, summary.collected), (12, 4), "{fill:?}");
+        let report = inspect(&capture).unwrap();
+        assert_eq!((report.frames["SONAR"].count, report.encoders[0].net_ticks), (12, 33), "{fill:?}");
+        assert!(report.sensors.iter().all(|sensor| sensor.readings == 4), "{fill:?}");
+    }
+}
+
 fn extent(poses: &[Pose2]) -> [f64; 2] {
     let span = |of: fn(&Pose2) -> f64| {
         let all = poses.iter().map(of);
@@ -82,7 +150,7 @@ fn a_ring_csv_becomes_a_capture() {
     assert_eq!(report.sensors.iter().map(|sensor| sensor.absent_percent).collect::<Vec<_>>(), [0.0, 0.0, 50.0]);
     assert_eq!(report.sensors.iter().map(|sensor| sensor.no_echo_percent).collect::<Vec<_>>(), [0.0, 25.0, 0.0]);
     assert_eq!(report.sensors.iter().map(|sensor| sensor.longest_repeat).collect::<Vec<_>>(), [2, 2, 1]);
-    assert_eq!(report.encoders.map(|wheel| (wheel.net_ticks, wheel.path_ticks)), [(0, 10), (0, 14)]);
+    assert_eq!(report.encoders.map(|wheel| (wheel.net_ticks, wheel.path_ticks)), [(5, 5), (-7, 7)]);
     assert!(serde_json::to_string(&report).unwrap().contains("\"SONAR\""));
     assert!(report.to_string().contains("3 sensors, 1000 ticks per turn"), "{report}");
 }
@@ -96,7 +164,11 @@ fn errors_name_file_line_column_and_what_is_expected() {
     let refusals = [
         (format!("{header}0,0,0,1,2,x\n"), "small.csv: line 2, column 6: `x`: expected metres"),
         (format!("{header}0,0,0,1,2,-1\n"), "small.csv: line 2, column 6: `-1`: expected metres"),
-        (format!("{header}0,0,0,1,2,NaN\n"), "line 2, column 6: `NaN`: expected metres"),
+        (
+            format!("{header}0,,0,1,2,1\n1,9,0,1,2,1\n2,,0,1,2,1\n4,99,0,1,2,1\n"),
+            "small.csv: line 4, column 2: ``: expected a whole",
+        ),
+        (format!("{header}0,0,0,100,200,x\n").replace('x', "150"), "small.csv: no reading of 3 lies within"),
         (format!("{header}0,0,0,1,2\n"), "line 2, column 6: ``: expected 6 fields"),
         (format!("{header}0,0,0,1,2,3,4\n"), "line 2, column 7: `4`: expected the end of the line"),
         (format!("{header}0,1.5,0,1,2,3\n"), "line 2, column 2: `1.5`: expected a whole number"),

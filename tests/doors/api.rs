@@ -3,6 +3,8 @@
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
 use serde_json::Value;
+use slamd::api::Report;
+use slamd_core::{ModelAspect, ModelEvent, ModelFinding, ModelState, Timestamp};
 use slamd_protocol::{PayloadBuf, encode_frame};
 use slamd_testkit::mock_port::{Board, Terminal};
 use slamd_testkit::served::{Client, SOON, Served, get};
@@ -105,7 +107,7 @@ fn every_field_of_every_report_is_documented_and_the_reverse() {
     let mut stream = UnixStream::connect(&socket).unwrap();
     stream.set_read_timeout(Some(Duration::from_secs(25))).unwrap();
     writeln!(stream, "?WATCH={{\"pose_hz\":1,\"sweep_hz\":1,\"map_hz\":1,\"stats_hz\":1}};\n?NONSENSE;").unwrap();
-    let mut sent = BTreeMap::new();
+    let mut sent = BTreeMap::from([("MODEL".to_owned(), fields(&model()))]);
     for line in BufReader::new(&stream).lines() {
         let line: Value = serde_json::from_str(&line.unwrap()).unwrap();
         let class = line["class"].as_str().unwrap().to_owned();
@@ -127,6 +129,20 @@ fn every_field_of_every_report_is_documented_and_the_reverse() {
     drop(stream);
     served.daemon.end();
     assert!(!socket.exists(), "the socket goes with its program");
+}
+
+/// A report that no healthy robot gives.
+fn model() -> Value {
+    let finding = ModelFinding {
+        aspect: ModelAspect::WheelScale,
+        measured: 4.0,
+        sigma: 0.1,
+        clause: "the wheels report 4.0 times the travel that the walls show".into(),
+        remedies: vec![("robot.ticks_per_turn", "1440".into())],
+    };
+    let event =
+        ModelEvent { at: Timestamp::default(), since: Timestamp::default(), finding, state: ModelState::Doubted };
+    serde_json::from_slice(&Report::model(&event).line()).unwrap()
 }
 
 /// The picture is what the fields say, and has the greys of `map.pgm`.

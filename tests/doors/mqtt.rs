@@ -76,7 +76,7 @@ fn home_assistant_finds_the_robot_and_its_end() {
     let descriptions = descriptions(&told);
     let found: Vec<_> = descriptions.iter().flat_map(|(topic, it)| complaints(topic, it, &told)).collect();
     assert!(found.is_empty(), "\n{}", found.join("\n"));
-    assert_eq!(descriptions.len(), 1 + 3 + 1 + 1 + 32, "{:?}", descriptions.keys());
+    assert_eq!(descriptions.len(), 1 + 3 + 1 + 1 + 1 + 32, "{:?}", descriptions.keys());
     let distinct = |key: fn(&Value) -> String| descriptions.values().map(key).collect::<BTreeSet<_>>().len();
     assert_eq!(distinct(|it| it["unique_id"].to_string()), descriptions.len());
     assert_eq!(distinct(|it| it["device"].to_string()), 1, "they are one device");
@@ -103,6 +103,8 @@ fn check_states(descriptions: &BTreeMap<String, Value>, told: &BTreeMap<String, 
         assert!(pose[key].is_number(), "{template} in {pose}");
     }
     assert_eq!(text("position_uncertain"), "OFF");
+    assert_eq!(text("configuration_doubtful"), "OFF");
+    assert_eq!(text("configuration_doubtful/attributes"), "{\"findings\":[]}");
     let faulty: Vec<usize> = (0..32).filter(|sensor| text(&format!("sensor/{sensor}")) == "ON").collect();
     assert_eq!(faulty, [3]);
     let why: Value = serde_json::from_str(&text("sensor/3/attributes")).unwrap();

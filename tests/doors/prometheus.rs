@@ -49,7 +49,12 @@ fn prometheus_reads_the_metrics_and_healthz_reports_the_state() {
     };
     assert!(value("slamd_sweeps_total ") >= 1.0 && value("slamd_dropped_sweeps_total ") < 1.0, "{text}");
     assert!(value("slamd_sensors ") > 31.0 && value("slamd_link_state streaming") > 0.0, "{text}");
-    assert!(value("slamd_sensor_faulty 31") < 1.0 && value("slamd_position_sigma_metres ") > 0.0, "{text}");
+    assert!(
+        value("slamd_sensor_faulty 31") < 1.0
+            && value("slamd_model_findings ") < 1.0
+            && value("slamd_position_sigma_metres ") > 0.0,
+        "{text}"
+    );
     board.unplug();
     served.daemon.expect("link: searching", SOON);
     assert!(get(&address, "/healthz", "").starts_with("HTTP/1.1 503 "));

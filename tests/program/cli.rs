@@ -15,6 +15,11 @@ fn slamd_logging(arguments: &[&str], level: Option<&str>) -> (i32, String) {
     std::fs::write(folder.path().join("garbage.mcap"), "this is no capture").unwrap();
     std::fs::write(folder.path().join("bad.toml"), "[robot]\nwheel_base_m = 99\n").unwrap();
     std::fs::write(folder.path().join("good.toml"), "[robot]\nwheel_base_m = 0.3\n").unwrap();
+    if arguments.contains(&"still.mcap") {
+        let mut simulate = Command::new(env!("CARGO_BIN_EXE_slamd"));
+        simulate.args(["simulate", "--duration", "0.5", "--capture", "still.mcap"]).current_dir(folder.path());
+        assert!(simulate.output().unwrap().status.success());
+    }
     let mut command = Command::new(env!("CARGO_BIN_EXE_slamd"));
     command.args(arguments).current_dir(folder.path()).env("XDG_CONFIG_HOME", folder.path()).env_remove("RUST_LOG");
     if let Some(level) = level {
@@ -38,7 +43,7 @@ fn exit_codes() -> Vec<(i32, Vec<&'static str>)> {
 #[test]
 fn the_table_of_exit_codes_is_true() {
     let codes = exit_codes();
-    assert_eq!(codes.iter().map(|(code, _)| *code).collect::<Vec<_>>(), [0, 64, 65, 66, 69, 73, 74, 78]);
+    assert_eq!(codes.iter().map(|(code, _)| *code).collect::<Vec<_>>(), [0, 64, 65, 66, 69, 73, 74, 75, 78]);
     for (code, line) in codes {
         let (found, text) = slamd(&line);
         assert_eq!(found, code, "slamd {}: {text}", line.join(" "));
@@ -198,4 +203,60 @@ fn a_folder_is_replayed_and_a_bad_capture_stops_no_other() {
     assert_eq!(code, 0, "{log}");
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
     assert!(json[0]["summary"]["map_m2"].as_f64().unwrap() > 20.0, "{json}");
+}
+
+/// Replays a capture into `out`: exit code, standard error and `summary.json`.
+fn replayed(folder: &std::path::Path, capture: &str) -> (i32, String, serde_json::Value) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_slamd"));
+    let output = command.args(["replay", capture, "--out", "out"]).current_dir(folder).output().unwrap();
+    let summary = serde_json::from_slice(&std::fs::read(folder.join("out/summary.json")).unwrap()).unwrap();
+    (output.status.code().unwrap(), String::from_utf8(output.stderr).unwrap(), summary)
+}
+
+#[test]
+fn a_capture_without_a_frame_is_bad_data_and_leaves_no_map() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("empty.mcap");
+    slamd_capture::CaptureWriter::create(&path, &slamd_capture::CaptureInfo::default()).unwrap().finish().unwrap();
+    let (code, log, summary) = replayed(folder.path(), "empty.mcap");
+    assert_eq!(code, 65, "{log}");
+    assert!(
+        log.contains("empty.mcap: nothing mapped") && log.contains("no frames: the board has sent nothing"),
+        "{log}"
+    );
+    assert!(summary["nothing_mapped"].as_str().unwrap().starts_with("no frames"), "{summary}");
+    let png = std::fs::read(folder.path().join("out/map.png")).unwrap();
+    let picture = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
+    assert!(picture.info().height < 400, "a sheet of words, not a map");
+    assert_eq!(std::fs::read(folder.path().join("out/map.pgm")).unwrap(), b"P5\n1 1\n255\n\xcd");
+}
+
+#[test]
+fn a_robot_that_stood_still_waited_for_movement() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = "[robot]\nticks_per_turn = 1440\n[ring.circle]\ncount = 8\nradius_m = 0.1\nhalf_angle_deg = 15\n";
+    std::fs::write(folder.path().join("robot.toml"), config).unwrap();
+    let columns: Vec<String> = (0..8).map(|sensor| format!("r{sensor}")).collect();
+    let rows = (0..300u32).map(|k| format!("{:.1},7,9,1,1.5,2,1.5,1,1.5,2,1.5\n", 0.1 * f64::from(k)));
+    let csv = format!("t_s,left_ticks,right_ticks,{}\n{}", columns.join(","), rows.collect::<String>());
+    std::fs::write(folder.path().join("still.csv"), csv).unwrap();
+    let mut import = Command::new(env!("CARGO_BIN_EXE_slamd"));
+    import.args(["import", "ring", "still.csv", "--config", "robot.toml", "--capture", "stood.mcap"]);
+    assert!(import.current_dir(folder.path()).output().unwrap().status.success());
+    let (code, log, summary) = replayed(folder.path(), "stood.mcap");
+    assert_eq!(code, 75, "{log}");
+    assert!(log.contains("waiting for movement: the robot has not moved"), "{log}");
+    assert!(summary["map_m2"] == 0.0 && summary["sweeps"] == 300, "{summary}");
+}
+
+#[test]
+fn the_last_line_says_what_came_of_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let capture = concat!(env!("CARGO_MANIFEST_DIR"), "/replay/flat-paper-faults.mcap");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_slamd"));
+    let output = command.args(["replay", capture, "--out", "out"]).current_dir(folder.path()).output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    let last = text.lines().last().unwrap();
+    assert!(last.starts_with("mapped ") && last.contains(" m of way in ") && last.contains(" ignored; "), "{text}");
+    assert!(output.status.success() && last.ends_with("; nothing doubtful"), "{text}");
 }

@@ -9,8 +9,8 @@ use ratatui::buffer::Buffer;
 use ratatui::style::Color;
 use slamd::monitor::{Dashboard, Line, Look, Plan, Rates, Tone, View, draw};
 use slamd_core::{
-    Calibration, Counters, EncoderState, Estimate, FaultEvent, FaultKind, Point, Pose2, Raster, Ring, SensorState,
-    Snapshot, Timestamp,
+    Calibration, Counters, EncoderState, Estimate, FaultEvent, FaultKind, ModelAspect, ModelEvent, ModelFinding,
+    ModelState, Point, Pose2, Raster, Ring, SensorState, Snapshot, Timestamp,
 };
 use std::sync::Arc;
 
@@ -121,6 +121,19 @@ fn everything_is_shown_at_both_sizes() {
             assert!(shown.contains(words), "{size:?}: no \"{words}\" in\n{shown}");
         }
     }
+}
+
+#[test]
+fn a_difference_from_the_configuration_comes_first() {
+    let (at, mut dashboard) = (Timestamp::default(), dashboard());
+    let clause = "the wheels turn the other way".into();
+    let finding =
+        ModelFinding { aspect: ModelAspect::TurnSign, measured: -1.0, sigma: 0.0, clause, remedies: Vec::new() };
+    dashboard.session.models = vec![ModelEvent { at, since: at, finding, state: ModelState::Doubted }];
+    let shown = text(&screen(LARGE, &dashboard, View::default(), FULL));
+    let place = |words: &str| shown.find(words).unwrap_or_else(|| panic!("no \"{words}\" in\n{shown}"));
+    assert!(shown.contains("doubts: 1, faulty sensors: 1"), "{shown}");
+    assert!(place("the wheels turn the other way") < place("3 always reads"), "{shown}");
 }
 
 #[test]

@@ -162,7 +162,7 @@ fn a_pipeline_that_hangs_does_not_feed_the_watchdog() {
     manager.expect("WATCHDOG=1");
     drop(filler);
     let _ = Command::new("kill").arg(child.id().to_string()).status();
-    assert!(child.wait().unwrap().success());
+    assert!(matches!(child.wait().unwrap().code(), Some(0 | 75)), "75: too short for a map");
     assert!(reader.join().unwrap().contains("link: streaming"));
 }
 

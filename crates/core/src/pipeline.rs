@@ -15,7 +15,7 @@
 mod estimator;
 mod introspection;
 
-pub use estimator::{Estimator, Methods, Start, built_in};
+pub use estimator::{Estimator, Methods, Start, Waiting, built_in};
 
 use crate::align::track::Wheels;
 use crate::align::{Aligner, Restarted};

@@ -11,6 +11,7 @@ use crate::event::{Calibration, Counters, EncoderState, Estimate, Event, FaultEv
 use crate::geometry::Ring;
 use crate::link::{Link, LinkState};
 use crate::pipeline::Pipeline;
+use crate::robot_model::{ModelEvent, ModelState};
 use crate::time::Timestamp;
 use std::fmt::Write as _;
 
@@ -20,6 +21,7 @@ pub struct SessionState {
     changes: Vec<Option<FaultEvent>>,
     is_lost: bool,
     encoders: [EncoderState; 2],
+    models: Vec<ModelEvent>,
     estimate: Option<Estimate>,
 }
 
@@ -29,6 +31,12 @@ impl SessionState {
         match event {
             Event::Estimate(estimate) => self.estimate = Some(*estimate),
             Event::Localization(event) => self.is_lost = event.is_lost(),
+            Event::Model(event) => {
+                match self.models.iter_mut().find(|known| known.finding.aspect == event.finding.aspect) {
+                    Some(known) => known.clone_from(event),
+                    None => self.models.push(event.clone()),
+                }
+            }
             Event::Encoder(encoder) => {
                 let [left, right] = &mut self.encoders;
                 *if encoder.wheel == Wheel::Right { right } else { left } = encoder.state;
@@ -45,8 +53,7 @@ impl SessionState {
             | Event::Ring { .. }
             | Event::BoardLog { .. }
             | Event::BoardReset { .. }
-            | Event::BoardTrouble { .. }
-            | Event::Model(_) => {}
+            | Event::BoardTrouble { .. } => {}
         }
     }
 
@@ -72,6 +79,12 @@ impl SessionState {
     #[must_use]
     pub const fn encoders(&self) -> [EncoderState; 2] {
         self.encoders
+    }
+
+    /// The newest event of each way in which the robot differs, or differed, from its configuration.
+    #[must_use]
+    pub fn models(&self) -> &[ModelEvent] {
+        &self.models
     }
 
     /// The newest pose.
@@ -119,6 +132,8 @@ pub struct Snapshot {
     pub changes: Vec<Option<FaultEvent>>,
     /// The left and the right wheel's encoder.
     pub encoders: [EncoderState; 2],
+    /// The newest event of each way in which the robot differs, or differed, from its configuration.
+    pub models: Vec<ModelEvent>,
     /// The wheels as learnt so far, where the method learns them.
     pub calibration: Option<Calibration>,
     /// What has been counted.
@@ -129,6 +144,11 @@ impl Snapshot {
     /// The sensors that are faulty now.
     pub fn faulty(&self) -> impl Iterator<Item = &FaultEvent> {
         faulty(&self.changes)
+    }
+
+    /// In what the robot differs from its configuration now.
+    pub fn doubted_models(&self) -> impl Iterator<Item = &ModelEvent> {
+        self.models.iter().filter(|event| event.state != ModelState::Resolved)
     }
 
     /// Copies the link's health.
@@ -149,6 +169,9 @@ impl Snapshot {
         self.encoders = state.encoders;
         if self.changes != state.changes {
             self.changes.clone_from(&state.changes);
+        }
+        if self.models != state.models {
+            self.models.clone_from(&state.models);
         }
         self.states.clear();
         self.states.extend_from_slice(pipeline.states());
@@ -189,6 +212,24 @@ fn copy(target: &mut String, text: &str) {
 mod tests {
     use super::*;
     use crate::event::{EncoderEvent, FaultKind};
+    use crate::robot_model::{ModelAspect, ModelFinding};
+
+    #[test]
+    fn each_way_in_which_the_robot_differs_is_kept_once() {
+        let (mut state, at) = (SessionState::default(), Timestamp::default());
+        let mut model = |aspect, to| {
+            let finding =
+                ModelFinding { aspect, measured: 2.0, sigma: 0.1, clause: "a test".into(), remedies: Vec::new() };
+            state.take(&Event::Model(ModelEvent { at, since: at, finding, state: to }));
+            let snapshot = Snapshot { models: state.models().to_vec(), ..Snapshot::default() };
+            snapshot.doubted_models().map(|event| event.finding.aspect).collect::<Vec<_>>()
+        };
+        let (wheels, third) = (ModelAspect::WheelScale, ModelAspect::SensorBearing(3));
+        assert_eq!(model(wheels, ModelState::Doubted), [wheels]);
+        assert_eq!(model(third, ModelState::Corrected), [wheels, third]);
+        assert_eq!(model(wheels, ModelState::Resolved), [third]);
+        assert_eq!(model(wheels, ModelState::Doubted), [wheels, third]);
+    }
 
     #[test]
     fn the_last_change_of_each_sensor_and_encoder_is_kept() {

@@ -1,8 +1,10 @@
 //! The output folder: maps, trajectories, faults and a summary, each file whole or absent.
 
+mod ending;
 mod fault_log;
 mod localization_log;
 mod map_file;
+mod model_log;
 mod picture;
 mod pose_table;
 mod sketch;
@@ -11,6 +13,7 @@ mod track;
 mod trajectory;
 
 pub use map_file::{FREE_PERCENT, OCCUPIED_PERCENT, grey, grey_png, write_map};
+pub use model_log::{ModelReport, Remedy};
 pub use pose_table::PoseTable;
 pub use sketch::{Sketch, Surroundings};
 pub use slamd_files::WriteError;
@@ -22,7 +25,7 @@ use fault_log::FaultLog;
 use localization_log::LockLog;
 use slamd_core::{
     Calibration, Config, Counters, EncoderState, Event, LocalizationChange, Pose2, Raster, Ring, SensorState,
-    Timestamp, Wheel,
+    Timestamp, Waiting, Wheel,
 };
 use slamd_files::private;
 use slamd_metrics::{AccuracyMeter, FaultMeter, TrueFault};
@@ -46,6 +49,12 @@ pub struct FinalState<'a> {
     pub counters: Counters,
     /// The wheels, where the method estimates them.
     pub calibration: Option<Calibration>,
+    /// How many walls are known.
+    pub walls: usize,
+    /// What the method waits for, while it has no pose.
+    pub waiting: Option<Waiting>,
+    /// Session time at the end.
+    pub ended: Timestamp,
 }
 
 /// The files of one run. Trajectories and faults are written while it goes on, as `NAME.part`; memory stays constant.
@@ -64,6 +73,8 @@ pub struct Outputs {
     position: Option<KnownMapPosition>,
     timings: Timings,
     delays: Timings,
+    doubts: Vec<String>,
+    model: Vec<ModelReport>,
 }
 
 impl Outputs {
@@ -88,12 +99,19 @@ impl Outputs {
             position: None,
             timings: Timings::new(),
             delays: Timings::new(),
+            doubts: Vec::new(),
+            model: Vec::new(),
         })
     }
 
     /// Scores the fault detector against what truly fails; call it before the first event.
     pub fn true_faults(&mut self, faults: Vec<TrueFault>) {
         self.faults = Some(FaultMeter::new(0, faults));
+    }
+
+    /// Takes something doubtful that no event tells, a sentence for people.
+    pub fn doubt(&mut self, sentence: String) {
+        self.doubts.push(sentence);
     }
 
     /// Takes an event of the pipeline.
@@ -113,7 +131,9 @@ impl Outputs {
                     self.position = Some(search.into());
                 }
                 self.lock_log.append(event);
+                self.sketch.localization(event);
             }
+            Event::Model(event) => model_log::take(&mut self.model, event),
             Event::Fault(fault) => {
                 self.fault_log.append(fault);
                 if let Some(faults) = &mut self.faults {
@@ -129,8 +149,7 @@ impl Outputs {
             | Event::Ring { .. }
             | Event::BoardLog { .. }
             | Event::BoardReset { .. }
-            | Event::BoardTrouble { .. }
-            | Event::Model(_) => {}
+            | Event::BoardTrouble { .. } => {}
         }
     }
 
@@ -145,7 +164,7 @@ impl Outputs {
         if let Some(truth) = &mut self.truth {
             truth.append(at, pose);
         }
-        self.truth_path.push(pose.position());
+        self.truth_path.push(at, pose.position());
         self.accuracy.truth(at, pose);
         Ok(())
     }
@@ -176,13 +195,25 @@ impl Outputs {
         summary.position.clone_from(&self.position);
         summary.encoder_faults = self.encoders.iter().flatten().cloned().collect();
         summary.accuracy = self.accuracy.accuracy();
-        (summary.lock_losses, summary.uncertain_s) = (self.lock_log.losses(), self.lock_log.uncertain_s());
+        (summary.duration_s, summary.path_m) = (state.ended.seconds(), self.sketch.path_m());
+        summary.ignored_sensors = ending::ignored(state.states);
+        summary.lock_losses = self.lock_log.losses();
+        summary.uncertain_s = self.lock_log.uncertain_s(self.sketch.last_at());
+        summary.model.clone_from(&self.model);
+        summary.nothing_mapped = ending::nothing_mapped(state, &summary);
+        let lost_since_s = self.lock_log.open_since().map(Timestamp::seconds);
+        summary.doubtful = ending::doubts(state, &summary, lost_since_s);
+        summary.doubtful.extend_from_slice(&self.doubts);
         summary.faults = self.faults.as_ref().map(|meter| meter.detection().score());
         (summary.mean_us_per_sweep, summary.p99_us_per_sweep) = self.timings.mean_and_p99_us().unzip();
         summary.latency = self.latency();
-        let known = state.raster.occupancy.iter().filter(|percent| **percent != Raster::UNKNOWN).count();
-        summary.map_m2 = known as f64 * state.raster.cell_m * state.raster.cell_m;
-        summary.map_sha256 = write_map(&self.folder, "map", state.raster)?;
+        // Free space alone is no map: the files must not look like one.
+        let (empty, is_empty) =
+            (Raster::default(), summary.nothing_mapped.is_some() && !ending::has_marks(state.raster));
+        let raster = if is_empty { &empty } else { state.raster };
+        let known = raster.occupancy.iter().filter(|percent| **percent != Raster::UNKNOWN).count();
+        summary.map_m2 = known as f64 * raster.cell_m * raster.cell_m;
+        summary.map_sha256 = write_map(&self.folder, "map", raster)?;
         let picture =
             self.picture(state, &summary).map_err(|source| WriteError { path: self.folder.join("map.png"), source })?;
         write_file(&self.folder, "map.png", &picture)?;
@@ -206,7 +237,11 @@ impl Outputs {
             ring: state.ring,
             states: state.states,
             robot_name: &state.config.robot.name,
+            doubts: &summary.doubtful,
         };
+        if let Some(reason) = &summary.nothing_mapped {
+            return self.sketch.draw_reason(around, reason);
+        }
         self.sketch.draw_with_truth(around, &truth, summary.accuracy.map(|accuracy| accuracy.ate_m))
     }
 }

@@ -1,5 +1,6 @@
 //! `summary.json`: a run in a few numbers, keys always in the same order.
 
+use super::ModelReport;
 use hdrhistogram::Histogram;
 use serde::Serialize;
 use slamd_core::{Calibration, Counters, EncoderEvent, KnownMapSearch, SearchState};
@@ -10,17 +11,29 @@ use std::time::Duration;
 /// A run in a few numbers.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
+    /// Why there is no map; none if there is one. Then `map.png` shows this sentence.
+    pub nothing_mapped: Option<String>,
+    /// What of the run is doubtful, one sentence each; empty if nothing is.
+    pub doubtful: Vec<String>,
+    /// Length of the session, seconds.
+    pub duration_s: f64,
+    /// Length of the path, metres.
+    pub path_m: f64,
+    /// The sensors that were ignored at the end, by id.
+    pub ignored_sensors: Vec<usize>,
     /// Sweeps used.
     pub sweeps: u64,
     /// Sweeps given up because too much of them was missing.
     pub dropped: u64,
+    /// Frames with a correct checksum.
+    pub frames: u64,
     /// Frames whose checksum did not hold.
     pub crc_errors: u64,
     /// Frames that the sequence numbers say are missing.
     pub lost_frames: u64,
     /// How often the robot lost its pose on the map.
     pub lock_losses: u64,
-    /// Seconds of poses that `lock.csv` calls uncertain.
+    /// Seconds of poses that `lock.csv` calls uncertain, to the last pose if they were uncertain then.
     pub uncertain_s: f64,
     /// Mean microseconds of computing per sweep; none where nothing was timed.
     pub mean_us_per_sweep: Option<f64>,
@@ -38,6 +51,8 @@ pub struct Summary {
     pub calibration: Option<Calibration>,
     /// The wheel encoders that were broken at the end.
     pub encoder_faults: Vec<EncoderFault>,
+    /// In what the robot differed from its configuration.
+    pub model: Vec<ModelReport>,
     /// Result of the search for the pose in a known map; none if there was no search.
     pub position: Option<KnownMapPosition>,
     /// Errors against the true path, where it is known.
@@ -112,8 +127,14 @@ impl fmt::Display for Latency {
 impl Summary {
     pub(super) fn new(counters: Counters) -> Self {
         Self {
+            nothing_mapped: None,
+            doubtful: Vec::new(),
+            duration_s: 0.0,
+            path_m: 0.0,
+            ignored_sensors: Vec::new(),
             sweeps: counters.sweeps,
             dropped: counters.dropped_sweeps,
+            frames: counters.frames,
             crc_errors: counters.crc_errors,
             lost_frames: counters.lost_frames,
             lock_losses: 0,
@@ -126,6 +147,7 @@ impl Summary {
             map_sha256: String::new(),
             calibration: None,
             encoder_faults: Vec::new(),
+            model: Vec::new(),
             position: None,
             accuracy: None,
             faults: None,

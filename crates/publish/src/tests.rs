@@ -32,8 +32,11 @@ fn run(folder: &Path) -> Summary {
         raster: &flat(),
         ring: &Ring::circle(32, 0.15, 0.218, 4),
         states: &states,
-        counters: Counters { sweeps: 600, crc_errors: 3, ..Counters::default() },
+        counters: Counters { frames: 2403, groups: 2400, sweeps: 600, crc_errors: 3, ..Counters::default() },
         calibration: None,
+        walls: 4,
+        waiting: None,
+        ended: Timestamp::from_us(60_000_000),
     };
     outputs.finish(&state).unwrap()
 }
@@ -103,6 +106,9 @@ fn without_truth_the_summary_has_no_errors() {
         states: &[],
         counters: Counters::default(),
         calibration: Some(Calibration { wheel_ratio: 1.01, wheel_base_m: 0.26, ..Calibration::default() }),
+        walls: 0,
+        waiting: None,
+        ended: Timestamp::default(),
     };
     let text = Outputs::create(folder.path()).unwrap().finish(&state).unwrap().to_json();
     assert!(!text.contains("ate_m") && !text.contains("fault_") && text.contains("\"wheel_ratio\": 1.01"), "{text}");

@@ -105,7 +105,11 @@ impl MonitorArgs {
         }
         result?;
         let (summary, faulty) = finished?;
-        terminal::report(&summary, &faulty, &self.output.out, self.output.json);
+        let ending = terminal::report(&summary, &faulty, &self.output.out, self.output.json);
+        // Whoever looks at a capture may stop before there is a map.
+        if let Err(nothing) = ending {
+            terminal::say(nothing);
+        }
         saved
     }
 

@@ -19,7 +19,7 @@ use crate::geometry::{Pose2, Ring, Segment, wrap_angle};
 use crate::mapping::grid::{MapChange, OccupancyGrid};
 use crate::mapping::raster::Raster;
 use crate::params::Params;
-use crate::pipeline::Estimator;
+use crate::pipeline::{Estimator, Waiting};
 use crate::position::ekf_slam::Association;
 use crate::saved_state::{InvalidState, SavedState};
 use crate::sweep::Sweep;
@@ -231,6 +231,10 @@ impl Estimator for Localizer {
 
     fn segments(&self) -> Vec<Segment> {
         if self.is_found { self.slam.segments() } else { Vec::new() }
+    }
+
+    fn waiting(&self) -> Option<Waiting> {
+        self.slam.waiting()
     }
 
     fn reversed_encoders(&self) -> [bool; 2] {

@@ -23,6 +23,15 @@ pub enum Start {
     Localize(Box<SavedState>),
 }
 
+/// What a method without a pose has so far: it waits for the robot to move, or for returns that agree on the building's axis.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Waiting {
+    /// How far the wheels have rolled in the collected sweeps, metres; the farther of the two in each sweep.
+    pub rolled_m: f64,
+    /// Collected readings with an echo.
+    pub returns: usize,
+}
+
 /// A method that turns sweeps into poses, faults and a map. What a method does not have keeps its default.
 pub trait Estimator: std::fmt::Debug + Send {
     /// Uses one sweep; pushes an [`Event::Estimate`] for each sweep whose pose is known now, and what else has happened.
@@ -49,6 +58,11 @@ pub trait Estimator: std::fmt::Debug + Send {
 
     /// The walls that are known, map frame.
     fn segments(&self) -> Vec<Segment>;
+
+    /// What it waits for while there is no pose; none once there is one, or where the method does not say.
+    fn waiting(&self) -> Option<Waiting> {
+        None
+    }
 
     /// Which encoders' counts to negate, left and right.
     fn reversed_encoders(&self) -> [bool; 2] {

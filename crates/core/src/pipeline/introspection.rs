@@ -1,6 +1,6 @@
 //! What a person may want to see of the estimator beside its results. Nothing here changes anything.
 
-use super::Pipeline;
+use super::{Pipeline, Waiting};
 use crate::event::Verdict;
 use crate::geometry::Segment;
 use crate::mapping::grid::MapChange;
@@ -17,6 +17,12 @@ impl Pipeline {
     #[must_use]
     pub fn fault_evidence(&self, sensor: usize) -> (f64, f64) {
         self.estimator.as_ref().map_or((f64::NAN, f64::NAN), |estimator| estimator.fault_evidence(sensor))
+    }
+
+    /// What the method waits for while there is no pose; none once there is one, before the ring is known, or where the method does not say.
+    #[must_use]
+    pub fn waiting(&self) -> Option<Waiting> {
+        self.estimator.as_ref()?.waiting()
     }
 
     /// The walls that are known, or the lines of the paper's last Hough transform; map frame.

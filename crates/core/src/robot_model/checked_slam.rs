@@ -14,7 +14,7 @@ use crate::geometry::{Pose2, Ring, Segment};
 use crate::mapping::grid::MapChange;
 use crate::mapping::raster::Raster;
 use crate::params::Params;
-use crate::pipeline::Estimator;
+use crate::pipeline::{Estimator, Waiting};
 use crate::saved_state::{InvalidState, SavedState};
 use crate::sweep::Sweep;
 use crate::time::Timestamp;
@@ -241,6 +241,10 @@ impl Estimator for CheckedSlam {
 
     fn segments(&self) -> Vec<Segment> {
         self.slam.segments()
+    }
+
+    fn waiting(&self) -> Option<Waiting> {
+        self.slam.waiting()
     }
 
     fn reversed_encoders(&self) -> [bool; 2] {

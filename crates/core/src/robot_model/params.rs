@@ -27,7 +27,7 @@ use crate::geometry::degrees;
 /// | `evidence_keys` | 10 | sweeps | by design: a tenth of the window is new | Too small: one chance counts many times. Too large: a wrong robot is named late |
 /// | `decay` | 0.9 | 1 per `evidence_keys` | as `fits_ratio` | Too small: weak evidence never adds up. Too large: old evidence lasts |
 /// | `confirm_share` | 0.5 | 1 | homes 1-60: of the log ratio that raised the suspicion | Too small: false alarms. Too large: small differences are never named |
-/// | `same_cause_ratio` | 1.06 | 1 | by design: below, turning has not told two causes apart | Too small: the wrong key is named. Too large: naming waits for a turn |
+/// | `same_cause_ratio` | 1.15 | 1 | by design: below, turning has not told two causes apart | Too small: the wrong key is named. Too large: naming waits for a turn |
 /// | `same_model` | 2.5 | 1 | by design: half a factor | Too small: a confirmation that differs a little is refused |
 /// | `occam` | 0.08 | nat | by design: what chance adds to the sharpness | Too small: one cause is named as two. Too large: two are named as one |
 /// | `max_factor` | 5.0 | 1 | by design: edges for pulses is a factor of 4 | Too small: a wrong robot is not found. Too large: an empty corridor, which shows no travel, proves any |
@@ -89,7 +89,7 @@ impl Default for Params {
             evidence_keys: 10.0,
             decay: 0.9,
             confirm_share: 0.5,
-            same_cause_ratio: 1.06,
+            same_cause_ratio: 1.15,
             same_model: 2.5,
             occam: 0.08,
             max_factor: 5.0,

@@ -12,6 +12,7 @@ use crate::event::Calibration;
 use crate::geometry::{Pose2, wrap_angle};
 use crate::orientation::dominant_directions::{Axis, DominantDirections};
 use crate::orientation::start::{Search, Step};
+use crate::pipeline::Waiting;
 use crate::position;
 use crate::position::ekf_slam::EkfSlam;
 use crate::sweep::Sweep;
@@ -70,6 +71,13 @@ impl Initializer {
         }
         self.sweeps.push(sweep.clone());
         self.travel_m += 0.5 * (sweep.left_m + sweep.right_m).abs();
+    }
+
+    /// What the collected sweeps hold.
+    pub(super) fn waiting(&self) -> Waiting {
+        let rolled_m = self.sweeps.iter().map(|sweep| sweep.left_m.abs().max(sweep.right_m.abs())).sum();
+        let beams = self.sweeps.iter().flat_map(|sweep| &sweep.beams);
+        Waiting { rolled_m, returns: beams.filter(|beam| beam.range_m.is_finite()).count() }
     }
 
     /// Continues the search or begins one if it is due. The outer option is none while there is no result, the inner one if no

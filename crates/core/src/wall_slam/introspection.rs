@@ -1,12 +1,13 @@
 //! The default method as the pipeline sees it: the entry points, and what can be read of its state.
 
+use super::initializing::Initializing;
 use super::step::RobotState;
 use super::{Mode, OdometryOutage, WallSlam};
 use crate::event::{Calibration, Event, SensorState, Verdict};
 use crate::geometry::{Pose2, Segment};
 use crate::mapping::grid::MapChange;
 use crate::mapping::raster::Raster;
-use crate::pipeline::Estimator;
+use crate::pipeline::{Estimator, Waiting};
 use crate::position::ekf_slam::{Association, EkfSlam};
 use crate::saved_state::SavedState;
 use crate::sweep::Sweep;
@@ -48,6 +49,14 @@ impl Estimator for WallSlam {
 
     fn segments(&self) -> Vec<Segment> {
         self.ekf().map(|ekf| ekf.segments().collect()).unwrap_or_default()
+    }
+
+    fn waiting(&self) -> Option<Waiting> {
+        match &self.mode {
+            Mode::Initializing(Initializing::Collecting(initializer))
+            | Mode::OdometryOutage(OdometryOutage::BeforeMap(initializer)) => Some(initializer.waiting()),
+            _ => None,
+        }
     }
 
     fn reversed_encoders(&self) -> [bool; 2] {

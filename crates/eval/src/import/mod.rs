@@ -11,7 +11,9 @@
 pub mod carmen;
 mod recorder;
 pub mod ring;
+mod rows;
 mod ticks;
+mod units;
 
 pub use recorder::Summary;
 pub use ticks::WheelTicks;
@@ -52,6 +54,14 @@ pub enum ImportError {
         file: String,
         /// What it should hold.
         expected: &'static str,
+    },
+    /// The ranges are not metres.
+    #[error("{file}: {problem}")]
+    Unit {
+        /// The recording.
+        file: String,
+        /// How many readings cannot be, and what they may be instead.
+        problem: String,
     },
     /// The configuration lacks what a recording does not say.
     #[error("the configuration must give {0}: a recording does not say it")]

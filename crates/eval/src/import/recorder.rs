@@ -12,7 +12,7 @@ use std::fmt;
 use std::path::Path;
 
 /// What an import has written.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Summary {
     /// Rows with ranges.
     pub rows: u64,
@@ -22,8 +22,16 @@ pub struct Summary {
     pub skipped: u64,
     /// Stamps that stepped back and were put 1 ms behind their predecessor.
     pub clamped: u64,
+    /// Sweeps that were collected from rows of a part of the ring each.
+    pub collected: u64,
+    /// Missing encoder counts that were interpolated.
+    pub filled_ticks: u64,
+    /// Rows without anything, or without counts at the beginning or the end, left out.
+    pub left_out: u64,
     /// From the first stamp to the last, seconds.
     pub duration_s: f64,
+    /// What is doubtful of the recording, one sentence each.
+    pub doubts: Vec<String>,
 }
 
 impl fmt::Display for Summary {
@@ -31,6 +39,9 @@ impl fmt::Display for Summary {
         write!(f, "{} rows of ranges over {:.1} s", self.rows, self.duration_s)?;
         for (count, what) in [
             (self.encoder_rows, "rows of encoders alone"),
+            (self.collected, "sweeps collected from them, because each holds a part of the ring"),
+            (self.filled_ticks, "missing encoder counts interpolated"),
+            (self.left_out, "rows without counts or without anything left out"),
             (self.skipped, "lines of other kinds skipped"),
             (self.clamped, "stamps that stepped back put 1 ms behind their predecessor"),
         ] {
@@ -128,6 +139,25 @@ impl Recorder {
             self.write(&Message::Sonar(sonar))?;
         }
         Ok(())
+    }
+
+    /// One row of a part of the ring, with its own time and counts; the last of a cycle ends the sweep. Arguments as in [`Recorder::sonar`].
+    pub(super) fn part(
+        &mut self,
+        [left_ticks, right_ticks]: [i32; 2],
+        ranges_m: &[Option<f64>],
+        last_of_cycle: bool,
+    ) -> Result<(), CaptureError> {
+        self.summary.rows += 1;
+        self.summary.collected += u64::from(last_of_cycle);
+        let heard = (0u8..)
+            .zip(ranges_m)
+            .filter_map(|(sensor, range_m)| Some(SensorEcho { sensor, echo: echo((*range_m)?, self.sound_m_s) }));
+        let echoes = heard.collect();
+        // A group of the ring would stand for all its sensors; this number stands for those that are named.
+        let group = (0..=u8::MAX).rev().find(|name| self.groups.iter().all(|(group, _)| group != name));
+        let (t_us, group) = (self.clock_us(), group.unwrap_or(u8::MAX));
+        self.write(&Message::Sonar(Sonar { t_us, group, last_of_cycle, left_ticks, right_ticks, echoes }))
     }
 
     /// Encoders alone.

@@ -1,36 +1,80 @@
 //! The ring CSV: one row per sweep, `t_s,left_ticks,right_ticks,r0,r1,…`.
 //!
-//! Seconds, absolute encoder ticks (empty: 0) and metres per sensor: empty is no measurement, `inf` is no echo. Ranges are taken
-//! as they stand; what exceeds the configured range is the pipeline's affair.
+//! Seconds, absolute encoder ticks and metres per sensor: empty or `nan` is no measurement, `inf` is no echo. Ranges are taken as they
+//! stand; what exceeds the configured range is the pipeline's affair, but a recording of which hardly a reading lies within it is
+//! refused, because it is in another unit.
+//!
+//! An encoder without any count stands at 0. Single missing counts are interpolated ([`super::rows`]). Where rows hold only the sensors
+//! that have just answered, the others empty, `nan`, 0 or negative, the rows of a cycle become one sweep, each with its own time and
+//! counts.
 
 use super::recorder::{Recorder, Summary};
+use super::rows::{self, Filler, Row};
+use super::units::Readings;
 use super::{ImportError, SourceLine};
 use slamd_core::Config;
 use std::io::BufRead;
 use std::path::Path;
 
-/// Writes the recording `input`, called `file` in errors, as a capture.
+/// Writes the recording `input`, called `file` in errors, as a capture. All of it is read and checked before the capture is created.
 ///
 /// # Errors
-/// When the recording cannot be read, a field is not what it should be, the configuration lacks the ring or
+/// When the recording cannot be read, a field is not what it should be, the ranges are not metres, the configuration lacks the ring or
 /// `robot.ticks_per_turn`, or the capture cannot be written.
 pub fn import(input: impl BufRead, file: &str, config: &Config, capture: &Path) -> Result<Summary, ImportError> {
-    let sensors = config.ring.ring().map_or(0, |ring| ring.len());
-    let mut recorder = Recorder::create(capture, config, format!("imported from the ring CSV {file}"))?;
+    let sensors = config.ring.ring().ok_or(ImportError::Config("ring.circle or ring.sensors"))?.len();
+    config.robot.ticks_per_turn.ok_or(ImportError::Config("robot.ticks_per_turn"))?;
+    let mut left_out = 0;
+    let mut rows = Vec::new();
     for (number, line) in (1..).zip(input.lines()) {
         let text = line.map_err(|source| ImportError::Io { file: file.into(), source })?;
         let line = SourceLine { file, number };
         let fields: Vec<&str> = text.trim_end().split(',').collect();
         if number == 1 {
             check_header(line, &fields, sensors)?;
+        } else if fields.iter().any(|field| !field.trim().is_empty()) {
+            rows.push(row(line, &fields, sensors)?);
         } else if !text.trim().is_empty() {
-            row(&mut recorder, line, &fields, sensors)?;
+            left_out += 1;
         }
     }
-    if recorder.summary.rows == 0 {
+    if rows.is_empty() {
         return Err(ImportError::Empty { file: file.into(), expected: "a header line and rows" });
     }
+    let filler = Filler::find(&rows);
+    filler.unwrap_or_default().clear(&mut rows);
+    let mut readings = Readings::new(config);
+    for row in &rows {
+        check_readings(SourceLine { file, number: row.line }, row)?;
+        row.readings.iter().for_each(|reading| readings.add(*reading));
+    }
+    let doubt = readings.check(file)?;
+    let filled = rows::fill_ticks(&mut rows, file)?;
+    let mut recorder = Recorder::create(capture, config, format!("imported from the ring CSV {file}"))?;
+    recorder.summary.doubts.extend(doubt);
+    recorder.summary.filled_ticks = filled.cells;
+    recorder.summary.left_out = left_out + filled.rows_left_out;
+    let ends = filler.map(|filler| rows::cycle_ends(&rows, filler));
+    for (index, row) in rows.iter().enumerate() {
+        let is_end = ends.as_ref().map(|ends| ends.get(index).is_none_or(|is_end| *is_end));
+        write(&mut recorder, row, is_end)?;
+    }
     Ok(recorder.finish()?)
+}
+
+/// Writes a row. `is_end` says whether it ends its cycle, where rows hold a part of the ring each; none where they are whole sweeps.
+fn write(recorder: &mut Recorder, row: &Row, is_end: Option<bool>) -> Result<(), ImportError> {
+    let ticks = row.ticks.map(Option::unwrap_or_default);
+    let ranges_m: Vec<Option<f64>> =
+        row.readings.iter().map(|reading| Some(*reading).filter(|reading| !reading.is_nan())).collect();
+    let has_readings = ranges_m.iter().any(Option::is_some);
+    recorder.advance(row.t_s);
+    match is_end {
+        _ if !has_readings && is_end != Some(true) => recorder.encoders(ticks)?,
+        Some(is_end) => recorder.part(ticks, &ranges_m, is_end)?,
+        None => recorder.sonar(ticks, &ranges_m)?,
+    }
+    Ok(())
 }
 
 const TICKS: &str = "a whole number of encoder ticks, or nothing";
@@ -59,27 +103,33 @@ fn check_end(line: SourceLine<'_>, fields: &[&str], sensors: usize) -> Result<()
     }
 }
 
-fn row(recorder: &mut Recorder, line: SourceLine<'_>, fields: &[&str], sensors: usize) -> Result<(), ImportError> {
+fn row(line: SourceLine<'_>, fields: &[&str], sensors: usize) -> Result<Row, ImportError> {
     check_end(line, fields, sensors)?;
     let t_s = line.number(fields, 0, "seconds")?;
     let ticks = [ticks(line, fields, 1)?, ticks(line, fields, 2)?];
-    let ranges_m: Vec<Option<f64>> =
-        (LEADING.len()..fields.len()).map(|column| range(line, fields, column)).collect::<Result<_, _>>()?;
-    recorder.advance(t_s);
-    Ok(recorder.sonar(ticks, &ranges_m)?)
+    let readings = (LEADING.len()..fields.len()).map(|column| reading(line, fields, column));
+    Ok(Row { line: line.number, t_s, ticks, readings: readings.collect::<Result<_, _>>()? })
 }
 
-fn ticks(line: SourceLine<'_>, fields: &[&str], column: usize) -> Result<i32, ImportError> {
-    if is_empty(fields, column) { Ok(0) } else { line.value(fields, column, TICKS) }
+fn ticks(line: SourceLine<'_>, fields: &[&str], column: usize) -> Result<Option<i32>, ImportError> {
+    if is_empty(fields, column) { Ok(None) } else { line.value(fields, column, TICKS).map(Some) }
 }
 
-fn range(line: SourceLine<'_>, fields: &[&str], column: usize) -> Result<Option<f64>, ImportError> {
-    const EXPECTED: &str = "metres, at least 0, `inf` for no echo, or nothing for no measurement";
-    if is_empty(fields, column) {
-        return Ok(None);
+const READING: &str = "metres, at least 0, `inf` for no echo, or nothing or `nan` for no measurement";
+
+fn reading(line: SourceLine<'_>, fields: &[&str], column: usize) -> Result<f64, ImportError> {
+    if is_empty(fields, column) { Ok(f64::NAN) } else { line.value(fields, column, READING) }
+}
+
+/// Negative readings mean something only where they fill the place of sensors that have not answered.
+fn check_readings(line: SourceLine<'_>, row: &Row) -> Result<(), ImportError> {
+    match row.readings.iter().position(|reading| *reading < 0.0) {
+        Some(sensor) => {
+            let found = row.readings.get(sensor).map(ToString::to_string).unwrap_or_default();
+            Err(line.error(&found, LEADING.len() + sensor, READING))
+        }
+        None => Ok(()),
     }
-    let range_m: f64 = line.value(fields, column, EXPECTED)?;
-    if range_m >= 0.0 { Ok(Some(range_m)) } else { Err(line.error(&range_m.to_string(), column, EXPECTED)) }
 }
 
 fn is_empty(fields: &[&str], column: usize) -> bool {

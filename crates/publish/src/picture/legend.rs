@@ -3,7 +3,7 @@
 use super::canvas::{Canvas, Ink, Pen, TEXT_PX};
 use super::floor::Floor;
 use super::robot::{FAULTY, HEALTHY, RobotMark};
-use super::{ODOMETRY, PATH, Scene, TRUTH, draw_start};
+use super::{ODOMETRY, PATH, Scene, TRUTH, UNCERTAIN, draw_start};
 use slamd_core::SensorState;
 use std::f64::consts::FRAC_PI_2;
 
@@ -14,18 +14,16 @@ pub(super) const MIN_WIDTH_PX: usize = 1000;
 
 /// Draws the strip from `top` down.
 pub(super) fn draw(canvas: &mut Canvas, top: f64, scene: &Scene<'_>, floor: &Floor<'_>) {
-    let dial = RobotMark { ring: scene.ring, states: scene.states, body_px: 20.0, beam_px: 42.0 };
-    dial.draw(canvas, (MARGIN_PX + 66.0, top + 72.0), FRAC_PI_2);
-    let left = MARGIN_PX + 156.0;
+    draw_robot(canvas, top, scene);
+    let left = LEFT_PX;
     let mut line = LegendEntry { canvas, x: left, y: top + 10.0 };
-    line.words(scene.robot_name, TEXT);
-    line.words(&format!("{} sensors", scene.ring.len()), FAINT);
-    let (words, ink) = verdict(scene.states);
-    line.words(&words, ink);
-
     line.next(left);
     line.stroke(PATH);
     line.words(&format!("path, {:.1} m", scene.path_m), TEXT);
+    if scene.path.iter().any(|stretch| stretch.is_uncertain) {
+        line.stroke(UNCERTAIN);
+        line.words("uncertain", TEXT);
+    }
     line.start();
     line.words("start", TEXT);
     line.stroke(ODOMETRY);
@@ -40,6 +38,47 @@ pub(super) fn draw(canvas: &mut Canvas, top: f64, scene: &Scene<'_>, floor: &Flo
     let (width_m, height_m) = floor.size_m();
     line.scale_bar(floor.scale_px_m());
     line.words(&format!("shown: {width_m:.1} m x {height_m:.1} m"), FAINT);
+}
+
+/// Draws the ring of sensors, and the line with its name and state.
+pub(super) fn draw_robot(canvas: &mut Canvas, top: f64, scene: &Scene<'_>) {
+    let dial = RobotMark { ring: scene.ring, states: scene.states, body_px: 20.0, beam_px: 42.0 };
+    dial.draw(canvas, (MARGIN_PX + 66.0, top + 72.0), FRAC_PI_2);
+    let mut line = LegendEntry { canvas, x: LEFT_PX, y: top + 10.0 };
+    line.words(scene.robot_name, TEXT);
+    line.words(&format!("{} sensors", scene.ring.len()), FAINT);
+    let (words, ink) = verdict(scene.states);
+    line.words(&words, ink);
+}
+
+/// The height of what [`draw_doubts`] writes on a picture of this width, pixels.
+pub(super) fn doubts_height_px(doubts: &[String], width_px: usize) -> usize {
+    LINE_PX * wrapped(doubts, width_px as f64).len()
+}
+
+/// Writes the sentences below the legend, each from a new line.
+pub(super) fn draw_doubts(canvas: &mut Canvas, top: f64, doubts: &[String]) {
+    for (index, line) in wrapped(doubts, canvas.width_px()).iter().enumerate() {
+        canvas.text((MARGIN_PX, top + (LINE_PX * index) as f64), line, FAULTY);
+    }
+}
+
+/// Lines that fit between the margins.
+fn wrapped(sentences: &[String], width_px: f64) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for sentence in sentences {
+        let mut line = String::from("!");
+        for word in sentence.split_whitespace() {
+            if Canvas::text_width_px(&line) + Canvas::text_width_px(word) > width_px - 3.0 * MARGIN_PX {
+                lines.push(std::mem::replace(&mut line, " ".into()));
+            }
+            line += " ";
+            line += word;
+        }
+        lines.push(line);
+    }
+    lines.truncate(MAX_LINES);
+    lines
 }
 
 /// A line of words and samples, written from left to right.
@@ -104,6 +143,12 @@ fn verdict(states: &[SensorState]) -> (String, Ink) {
 }
 
 const MARGIN_PX: f64 = 24.0;
+/// Where the words begin, right of the ring, pixels.
+const LEFT_PX: f64 = MARGIN_PX + 156.0;
+/// From one sentence to the next, pixels.
+const LINE_PX: usize = 26;
+/// A picture has no room for more.
+const MAX_LINES: usize = 12;
 const SAMPLE_PX: f64 = 34.0;
 const GAP_PX: f64 = 26.0;
 const TEXT: Ink = [40, 44, 54, 255];

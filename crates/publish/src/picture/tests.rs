@@ -28,7 +28,7 @@ fn faulty_sensors_change_the_picture() {
     assert_ne!(good, bad);
 }
 
-fn scene<'a>(raster: &'a Raster, ring: &'a Ring, states: &'a [SensorState], path: &'a [Point]) -> Scene<'a> {
+fn scene<'a>(raster: &'a Raster, ring: &'a Ring, states: &'a [SensorState], path: &'a [Stretch]) -> Scene<'a> {
     Scene {
         raster,
         path,
@@ -40,5 +40,6 @@ fn scene<'a>(raster: &'a Raster, ring: &'a Ring, states: &'a [SensorState], path
         ring,
         states,
         robot_name: "robot",
+        doubts: &[],
     }
 }

@@ -2,7 +2,7 @@
 
 use std::io::{BufRead as _, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
@@ -77,14 +77,14 @@ impl Daemon {
         let _ = Command::new("kill").arg(self.child.id().to_string()).status();
         let status = self.child.wait().expect("it ends");
         self.log.extend(self.lines.try_iter().map(|(_, line)| line));
-        assert!(status.success(), "{status}; the log:\n{}", self.log.join("\n"));
+        assert!(is_orderly(status), "{status}; the log:\n{}", self.log.join("\n"));
     }
 
     /// Waits until it ends by itself.
     pub fn wait(mut self) {
         let status = self.child.wait().expect("it ends");
         self.log.extend(self.lines.iter().map(|(_, line)| line));
-        assert!(status.success(), "{status}; the log:\n{}", self.log.join("\n"));
+        assert!(is_orderly(status), "{status}; the log:\n{}", self.log.join("\n"));
     }
 
     /// Its process number.
@@ -110,6 +110,11 @@ impl Daemon {
         let fields: Vec<&str> = stat.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
         [11, 12].iter().filter_map(|&field| fields.get(field)?.parse::<u64>().ok()).sum()
     }
+}
+
+/// Many sessions of tests are too short for a map, and say so.
+fn is_orderly(status: ExitStatus) -> bool {
+    status.success() || status.code() == Some(75)
 }
 
 impl Drop for Daemon {
