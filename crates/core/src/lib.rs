@@ -77,7 +77,7 @@ pub use geometry::{Mounting, Placement, Point, Pose2, Ring, Segment, nearest_qua
 pub use handshake::introduction;
 pub use mapping::grid::{MapChange, Patch};
 pub use mapping::raster::Raster;
-pub use pipeline::{Estimator, Methods, Pipeline, Start, built_in};
+pub use pipeline::{Estimator, Methods, Pipeline, Start, Topic, built_in};
 pub use rates::{RateMeter, Rates};
 pub use saved_state::{InvalidState, SavedState};
 pub use snapshot::{SessionState, Snapshot};
