@@ -49,6 +49,9 @@ impl ImportArgs {
             Format::Ring(_) => ring::import(input, &name, &config, &files.capture),
             Format::Carmen(_) => carmen::import(input, &name, &config, &files.capture),
         }?;
+        for remark in &summary.remarks {
+            eprintln!("{name}: {remark}");
+        }
         eprintln!("{}: {summary}", files.capture.display());
         Ok(())
     }

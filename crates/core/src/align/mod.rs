@@ -46,6 +46,8 @@ pub struct Aligner {
     answers: Stamps,
     check: RingCheck,
     has_run_back: bool,
+    /// Since when stamps are behind.
+    back_since: Option<Timestamp>,
     refused_stamps: u64,
     troubles: VecDeque<Trouble>,
     newest: Timestamp,
@@ -79,6 +81,7 @@ impl Aligner {
             answers: Stamps::new(params),
             check: RingCheck::new(0, params),
             has_run_back: false,
+            back_since: None,
             refused_stamps: 0,
             troubles: VecDeque::new(),
             newest: Timestamp::default(),
@@ -220,6 +223,7 @@ impl Aligner {
     pub fn restart(&mut self) {
         self.widener.reset();
         self.clock.reset();
+        self.back_since = None;
         self.track.restart();
         if let Some(sweeper) = &mut self.sweeper {
             sweeper.restart();
@@ -233,12 +237,8 @@ impl Aligner {
         let Some(stamp) = self.widener.widen(self.stamps.microseconds(t_us)) else {
             return self.jumped_back(at).map(|()| None);
         };
-        let back_s = newest.map_or(0.0, |newest| newest.seconds_since(stamp));
-        if back_s > self.params.back_s {
+        if self.runs_back(stamp, newest, at) {
             self.refused_stamps += 1;
-            if !std::mem::replace(&mut self.has_run_back, true) {
-                self.troubles.push_back(Trouble::ClockRunsBack(back_s));
-            }
             return Ok(None);
         }
         if self.clock.is_impossible(stamp, at) {
@@ -246,6 +246,29 @@ impl Aligner {
         }
         self.clock.arrived(stamp, at);
         Ok(Some(stamp))
+    }
+
+    /// True for a stamp that lies behind earlier ones, and for those after it until they fit the host's clock again: a clock that was
+    /// set back catches up with its own past.
+    fn runs_back(&mut self, stamp: DeviceTime, newest: Option<DeviceTime>, at: Timestamp) -> bool {
+        let Params { back_s: bound_s, max_back_s, .. } = self.params;
+        let back_s = newest.map_or(0.0, |newest| newest.seconds_since(stamp));
+        if back_s > bound_s {
+            self.back_since.get_or_insert(at);
+            if self.stamps.is_known(at) && !std::mem::replace(&mut self.has_run_back, true) {
+                self.troubles.push_back(Trouble::ClockRunsBack(back_s));
+            }
+            return true;
+        }
+        let Some(since) = self.back_since else { return false };
+        if at.seconds_since(since) > max_back_s {
+            // The clock stays back: from here on it is the clock.
+            self.clock.reset();
+        } else if self.clock.host_time(stamp).is_some_and(|sent| at.seconds_since(sent) > bound_s) {
+            return true;
+        }
+        self.back_since = None;
+        false
     }
 
     /// A stamp is far behind another one: the board restarted, unless one of the two may have another unit.

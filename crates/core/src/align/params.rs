@@ -28,6 +28,7 @@
 /// | `pace_factor` | 1.25 | 1 | wheel radii are known to a few per cent | less: a fast robot is blamed; more: a scale wrong by less stays unsaid |
 /// | `pace_count` | 3 | 1 | six seconds of steady excess: no slip lasts so long | less: a push by hand is blamed; more: said late |
 /// | `back_s` | 0.35 | s | a group is stamped a slot (at most 60 ms, on foreign boards 250 ms) before it is sent | less: late messages are refused; more: a clock that runs back disorders the counts |
+/// | `max_back_s` | 3 | s | such clocks were seen to run right again after one | less: wrong stamps are used; more: a clock that was set costs more sweeps |
 /// | `unit_s` | 0.3 | s | above the 16 ms by which bridges delay: the unit is known within a factor of 2 | less: delays look like another unit; more: such stamps are believed longer |
 /// | `unit_stamps` | 5 | 1 | stamps that come in one burst span less board time than host time | less: bursts look like milliseconds; more: known later |
 /// | `rate_check_s` | 10 | s | the delays of bursts (1 s) are small against it | less: bursts look like a wrong rate; more: said late |
@@ -88,6 +89,8 @@ pub struct Params {
     pub pace_count: u32,
     /// Stamps this far behind the newest one mean that the board's clock runs backwards, seconds.
     pub back_s: f64,
+    /// A clock that stays back longer was set, seconds.
+    pub max_back_s: f64,
     /// Host time after which the unit of the stamps is judged, seconds.
     pub unit_s: f64,
     /// Number of different stamps for that.
@@ -137,6 +140,7 @@ impl Default for Params {
             pace_factor: 1.25,
             pace_count: 3,
             back_s: 0.35,
+            max_back_s: 3.0,
             unit_s: 0.3,
             unit_stamps: 5,
             rate_check_s: 10.0,

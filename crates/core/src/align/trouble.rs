@@ -9,7 +9,7 @@ use std::fmt;
 pub struct WheelTrouble {
     /// When the counts were latched.
     pub at: DeviceTime,
-    /// The wheel that shows it best.
+    /// The wheel that shows it.
     pub wheel: Wheel,
     /// What it is.
     pub what: What,

@@ -27,7 +27,7 @@ struct Reading {
 #[derive(Clone, Copy, Debug)]
 struct Held {
     reading: Reading,
-    /// The wheel with the longest step, that step in metres, and the time since the reading before.
+    /// The first wheel that cannot, its step in metres, and the time since the reading before.
     wheel: Wheel,
     rolled_m: f64,
     within_s: f64,
@@ -211,12 +211,8 @@ impl WheelSteps {
         }
         let reading = Reading { at, counts, ticks };
         let [left, right] = steps;
-        let (wheel, rolled_m) = if !left.is_plausible && left.rolled_m.abs() >= right.rolled_m.abs() || right.is_plausible
-        {
-            (Wheel::Left, left.rolled_m)
-        } else {
-            (Wheel::Right, right.rolled_m)
-        };
+        let (wheel, rolled_m) =
+            if left.is_plausible { (Wheel::Right, right.rolled_m) } else { (Wheel::Left, left.rolled_m) };
         let speed_m_s = steps.map(|step| if within_s > 0.0 { step.rolled_m / within_s } else { f64::NAN });
         let is_impossible = steps.map(|step| !step.is_plausible);
         self.held = Some(Held { reading, wheel, rolled_m, within_s, speed_m_s, is_impossible, alike: 0 });
@@ -407,7 +403,7 @@ mod tests {
             assert!(ticks.abs_diff(truth) <= 2, "{ticks} of {truth}");
         }
         assert_eq!(said.len(), 1, "{said:?}");
-        assert!(said[0].contains("the right wheel would have rolled -1.82 m in 0.02 s; the counters start anew"), "{said:?}");
+        assert!(said[0].contains("the left wheel would have rolled -1.79 m in 0.02 s; the counters start anew"), "{said:?}");
     }
 
     #[test]

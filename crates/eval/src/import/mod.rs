@@ -12,6 +12,7 @@ pub mod carmen;
 mod recorder;
 pub mod ring;
 mod ticks;
+mod wheel_check;
 
 pub use recorder::Summary;
 pub use ticks::WheelTicks;

@@ -12,7 +12,7 @@ use std::fmt;
 use std::path::Path;
 
 /// What an import has written.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Summary {
     /// Rows with ranges.
     pub rows: u64,
@@ -24,6 +24,8 @@ pub struct Summary {
     pub clamped: u64,
     /// From the first stamp to the last, seconds.
     pub duration_s: f64,
+    /// What is wrong with the counts, each with its line.
+    pub remarks: Vec<String>,
 }
 
 impl fmt::Display for Summary {
@@ -140,6 +142,11 @@ impl Recorder {
     pub(super) fn finish(self) -> Result<Summary, CaptureError> {
         self.writer.finish()?;
         Ok(self.summary)
+    }
+
+    /// The time of the current row in the capture.
+    pub(super) const fn at(&self) -> Timestamp {
+        self.last
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "the low 32 bits are meant")]

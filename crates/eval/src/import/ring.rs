@@ -4,6 +4,7 @@
 //! as they stand; what exceeds the configured range is the pipeline's affair.
 
 use super::recorder::{Recorder, Summary};
+use super::wheel_check::WheelCheck;
 use super::{ImportError, SourceLine};
 use slamd_core::Config;
 use std::io::BufRead;
@@ -17,6 +18,7 @@ use std::path::Path;
 pub fn import(input: impl BufRead, file: &str, config: &Config, capture: &Path) -> Result<Summary, ImportError> {
     let sensors = config.ring.ring().map_or(0, |ring| ring.len());
     let mut recorder = Recorder::create(capture, config, format!("imported from the ring CSV {file}"))?;
+    let mut wheels = WheelCheck::new(&config.robot);
     for (number, line) in (1..).zip(input.lines()) {
         let text = line.map_err(|source| ImportError::Io { file: file.into(), source })?;
         let line = SourceLine { file, number };
@@ -24,13 +26,13 @@ pub fn import(input: impl BufRead, file: &str, config: &Config, capture: &Path) 
         if number == 1 {
             check_header(line, &fields, sensors)?;
         } else if !text.trim().is_empty() {
-            row(&mut recorder, line, &fields, sensors)?;
+            row(&mut recorder, &mut wheels, line, &fields, sensors)?;
         }
     }
     if recorder.summary.rows == 0 {
         return Err(ImportError::Empty { file: file.into(), expected: "a header line and rows" });
     }
-    Ok(recorder.finish()?)
+    Ok(Summary { remarks: wheels.into_remarks(), ..recorder.finish()? })
 }
 
 const TICKS: &str = "a whole number of encoder ticks, or nothing";
@@ -59,13 +61,20 @@ fn check_end(line: SourceLine<'_>, fields: &[&str], sensors: usize) -> Result<()
     }
 }
 
-fn row(recorder: &mut Recorder, line: SourceLine<'_>, fields: &[&str], sensors: usize) -> Result<(), ImportError> {
+fn row(
+    recorder: &mut Recorder,
+    wheels: &mut WheelCheck,
+    line: SourceLine<'_>,
+    fields: &[&str],
+    sensors: usize,
+) -> Result<(), ImportError> {
     check_end(line, fields, sensors)?;
     let t_s = line.number(fields, 0, "seconds")?;
     let ticks = [ticks(line, fields, 1)?, ticks(line, fields, 2)?];
     let ranges_m: Vec<Option<f64>> =
         (LEADING.len()..fields.len()).map(|column| range(line, fields, column)).collect::<Result<_, _>>()?;
     recorder.advance(t_s);
+    wheels.row(line.number, recorder.at(), ticks);
     Ok(recorder.sonar(ticks, &ranges_m)?)
 }
 
