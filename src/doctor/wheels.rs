@@ -7,7 +7,7 @@ use super::finding::{Finding, Level};
 use slamd_core::{
     Board, DeviceTime,
     config::RobotConfig,
-    stages::{AlignParams, Widener, WheelSteps},
+    stages::{AlignParams, WheelSteps, Widener},
 };
 use slamd_protocol::Setting;
 use std::f64::consts::TAU;

@@ -103,7 +103,8 @@ impl Handshake {
         let may_ask_time = known.hello && !known.refused;
         let mut question = (at >= self.question_due).then(|| question(known)).flatten();
         if at >= self.question_due {
-            let again = self.asked.as_ref().filter(|(asked, _)| question.as_ref() == Some(asked)).map(|(_, at)| *at + RETRY);
+            let again =
+                self.asked.as_ref().filter(|(asked, _)| question.as_ref() == Some(asked)).map(|(_, at)| *at + RETRY);
             match again.filter(|again| at < *again) {
                 Some(again) => (question, self.question_due) = (None, again),
                 None if question.is_some() => {

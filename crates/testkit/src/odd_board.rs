@@ -152,7 +152,7 @@ impl OddBoard {
             self.sonar();
         }
         if self.now_us % 20_000 == 0 {
-            let [left_ticks, right_ticks] = self.ticks();
+            let [left_ticks, right_ticks] = self.ticks(0);
             self.send(&Message::Encoder(Encoder { t_us: self.stamp(0), left_ticks, right_ticks, flags: 0 }));
         }
         if self.now_us % 1_000_000 == 0 {
@@ -223,19 +223,20 @@ impl OddBoard {
         }
     }
 
-    fn true_ticks(&self) -> i64 {
-        let driven_us = self.now_us.saturating_sub(STANDS_US);
+    /// Ticks of both wheels `before_us` ago.
+    fn true_ticks(&self, before_us: u64) -> i64 {
+        let driven_us = self.now_us.saturating_sub(STANDS_US + before_us);
         let driven_us = if self.oddity == Oddity::Rests { 0 } else { driven_us };
         i64::try_from(driven_us).expect("a test shorter than an hour") * TICKS_PER_S / 1_000_000
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "counters wrap")]
-    fn ticks(&mut self) -> [i32; 2] {
+    fn ticks(&mut self, before_us: u64) -> [i32; 2] {
         self.counted += 1;
-        let ticks = self.true_ticks() as i32;
+        let ticks = self.true_ticks(before_us) as i32;
         match self.oddity {
             Oddity::Wraps => [ticks & 0xFFFF; 2],
-            Oddity::StartsAnew if self.now_us >= 10_000_000 => [ticks - (8 * TICKS_PER_S) as i32; 2],
+            Oddity::StartsAnew if self.now_us - before_us >= 10_000_000 => [ticks - (8 * TICKS_PER_S) as i32; 2],
             Oddity::Zeros if self.counted % 100 == 0 => [0, ticks],
             Oddity::Scale(scale) => [scale * ticks; 2],
             _ => [ticks; 2],
@@ -245,17 +246,16 @@ impl OddBoard {
     /// A room's echo, which changes as the robot drives and with noise.
     fn echo_us(&self, sensor: u8) -> u16 {
         let noise = (self.now_us / 1_000 + 31 * u64::from(sensor)).wrapping_mul(2_654_435_761) >> 7 & 63;
-        let way = u64::try_from(self.true_ticks()).unwrap_or(0) / 8 % 3_000;
+        let way = u64::try_from(self.true_ticks(0)).unwrap_or(0) / 8 % 3_000;
         let way = if way > 1_500 { 3_000 - way } else { way };
         u16::try_from(5_000 + 400 * u64::from(sensor) + way + noise).expect("below 10 ms")
     }
 
     fn sonar(&mut self) {
-        let (group, [left_ticks, right_ticks]) = (self.group, self.ticks());
+        let (group, [left_ticks, right_ticks]) = (self.group, self.ticks(SLOT_US));
         let next = (group + 1) % GROUPS;
-        let is_fired = |sensor: &u8| {
-            sensor % GROUPS == group || self.oddity == Oddity::Overlap && sensor % GROUPS == next
-        };
+        let is_fired =
+            |sensor: &u8| sensor % GROUPS == group || self.oddity == Oddity::Overlap && sensor % GROUPS == next;
         let echoes = (0..SENSORS).filter(is_fired).map(|sensor| {
             let us = self.echo_us(if self.oddity == Oddity::Crosstalk { group } else { sensor });
             let sensor = if self.oddity == Oddity::Ids { sensor + 100 } else { sensor };

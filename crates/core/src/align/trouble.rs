@@ -91,7 +91,9 @@ impl WheelTrouble {
     pub const fn remedy(&self) -> &'static str {
         match self.what {
             What::SixteenBits => "send the counts with 32 bits, as protocol/README.md says",
-            What::StartAgain => "look for what resets the encoders' counters alone; a board that restarts sends a new boot_id",
+            What::StartAgain => {
+                "look for what resets the encoders' counters alone; a board that restarts sends a new boot_id"
+            }
             What::WrongValue | What::Jumped => "check the encoders' wires and how the firmware reads its counters",
             What::TooFast { .. } => "is robot.ticks_per_turn, robot.wheel_radius_m or robot.max_speed_m_s wrong?",
         }

@@ -10,7 +10,7 @@
 //! - none of these: this step is refused, too.
 
 use super::params::Params;
-use super::trouble::{WheelTrouble, What};
+use super::trouble::{What, WheelTrouble};
 use crate::event::Wheel;
 use crate::time::DeviceTime;
 use std::collections::VecDeque;
@@ -45,6 +45,13 @@ struct Step {
     rolled_m: f64,
     is_plausible: bool,
     is_unwrapped: bool,
+}
+
+/// How far a wheel can roll, either way, and how far it does at its last rate: a step near that is as plausible.
+#[derive(Clone, Copy, Debug)]
+struct Reach {
+    metres: f64,
+    usual_m: f64,
 }
 
 /// Judges the steps of both encoders.
@@ -151,13 +158,15 @@ impl WheelSteps {
     }
 
     fn steps(&self, from: Reading, at: DeviceTime, counts: [i32; 2], metres_per_tick: [f64; 2]) -> [Step; 2] {
-        let reach_m = self.bound_m_s * at.seconds_since(from.at).abs() + self.params.step_slack_m;
+        let since_s = at.seconds_since(from.at);
+        let reach_m = self.bound_m_s * since_s.abs() + self.params.step_slack_m;
         let ([left, right], [left_is, right_is]) = (from.counts, self.has_16_bits);
         let ([left_now, right_now], [left_sign, right_sign]) = (counts, self.is_reversed);
-        let [left_m, right_m] = metres_per_tick;
+        let ([left_m, right_m], [left_rate, right_rate]) = (metres_per_tick, self.rate);
+        let reach = |metres: f64, rate: f64| Reach { metres: reach_m, usual_m: rate * since_s * metres };
         [
-            Step::new([left, left_now], left_is, left_sign, left_m, reach_m),
-            Step::new([right, right_now], right_is, right_sign, right_m, reach_m),
+            Step::new([left, left_now], left_is, left_sign, left_m, reach(left_m, left_rate)),
+            Step::new([right, right_now], right_is, right_sign, right_m, reach(right_m, right_rate)),
         ]
     }
 
@@ -236,16 +245,6 @@ impl WheelSteps {
             self.say(held, What::WrongValue, 0.0);
             return self.accept(last, at, counts, from_before, metres_per_tick);
         }
-        if is_possible(&from_held) {
-            let near_m = self.max_speed_m_s * (held.within_s.abs() + self.params.restart_s);
-            let counted = held.reading.counts.into_iter().zip(metres_per_tick).zip(held.is_impossible);
-            let mut jumped = counted.filter(|(_, is_impossible)| *is_impossible);
-            let start_again = jumped.all(|((count, metres), _)| f64::from(count).abs() * metres <= near_m);
-            self.say(held, if start_again { What::StartAgain } else { What::Jumped }, 0.0);
-            self.rate_from = Some(held.reading);
-            self.pace_from = Some(held.reading);
-            return self.accept(held.reading, at, counts, from_held, metres_per_tick);
-        }
         let since_s = at.seconds_since(held.reading.at);
         let speed_m_s = from_held.map(|step| step.rolled_m / since_s);
         let fits = |((before, now), is_impossible): ((f64, f64), bool)| {
@@ -258,10 +257,23 @@ impl WheelSteps {
                 self.held = self.held.map(|new| Held { alike: held.alike + 1, ..new });
                 return ticks;
             }
-            let fastest_m_s = speed_m_s.iter().chain(&held.speed_m_s).fold(0.0, |most: f64, speed| most.max(speed.abs()));
+            let fastest_m_s =
+                speed_m_s.iter().chain(&held.speed_m_s).fold(0.0, |most: f64, speed| most.max(speed.abs()));
             self.bound_m_s = self.bound_m_s.max(self.params.step_speed_factor * fastest_m_s);
             self.say(held, What::TooFast { speed_m_s: fastest_m_s }, self.max_speed_m_s);
             return self.accept(last, at, counts, from_before, metres_per_tick);
+        }
+        if is_possible(&from_held) {
+            let near_m = self.max_speed_m_s * (held.within_s.abs() + self.params.restart_s);
+            let counted = held.reading.counts.into_iter().zip(last.counts).zip(metres_per_tick).zip(held.is_impossible);
+            let mut jumped = counted.filter(|(_, is_impossible)| *is_impossible);
+            let start_again = jumped.all(|(((count, before), metres), _)| {
+                count.unsigned_abs() < before.unsigned_abs() && f64::from(count).abs() * metres <= near_m
+            });
+            self.say(held, if start_again { What::StartAgain } else { What::Jumped }, 0.0);
+            self.rate_from = Some(held.reading);
+            self.pace_from = Some(held.reading);
+            return self.accept(held.reading, at, counts, from_held, metres_per_tick);
         }
         self.say(held, What::Jumped, 0.0);
         self.hold(bridged, at, counts, from_held, metres_per_tick)
@@ -279,7 +291,7 @@ impl WheelSteps {
         }
     }
 
-    /// Compares the robot's own speed with its highest one.
+    /// Compares the mean speed of the wheels, whatever their directions, with the robot's highest one.
     fn measure_pace(&mut self, now: Reading, metres_per_tick: [f64; 2]) {
         let Some(from) = self.pace_from else { return };
         let since_s = now.at.seconds_since(from.at);
@@ -287,8 +299,9 @@ impl WheelSteps {
             return;
         }
         let rolled = now.ticks.into_iter().zip(from.ticks).zip(metres_per_tick);
-        let rolled_m: f64 = rolled.map(|((now, before), metres)| now.saturating_sub(before) as f64 * metres).sum();
-        let speed_m_s = 0.5 * rolled_m.abs() / since_s;
+        let rolled_m: f64 =
+            rolled.map(|((now, before), metres)| (now.saturating_sub(before) as f64 * metres).abs()).sum();
+        let speed_m_s = 0.5 * rolled_m / since_s;
         self.too_fast = if speed_m_s > self.params.pace_factor * self.max_speed_m_s { self.too_fast + 1 } else { 0 };
         self.pace_from = Some(now);
         if self.too_fast >= self.params.pace_count {
@@ -331,7 +344,7 @@ fn whole(ticks: f64) -> i64 {
 }
 
 impl Step {
-    fn new([from, to]: [i32; 2], has_16_bits: bool, is_reversed: bool, metres_per_tick: f64, reach_m: f64) -> Self {
+    fn new([from, to]: [i32; 2], has_16_bits: bool, is_reversed: bool, metres_per_tick: f64, reach: Reach) -> Self {
         let sign = |ticks: i64| if is_reversed { -ticks } else { ticks };
         let rolled_m = |ticks: i64| ticks as f64 * metres_per_tick;
         let whole = i64::from(to.wrapping_sub(from));
@@ -339,7 +352,10 @@ impl Step {
         let may_wrap = fits(0..=0xFFFF) || fits(-0x8000..=0x7FFF);
         #[expect(clippy::cast_possible_truncation, reason = "the low 16 bits are meant")]
         let short = i64::from(whole as i16);
-        let is_possible = |ticks: i64| rolled_m(ticks).abs() <= reach_m;
+        let is_possible = |ticks: i64| {
+            let rolled_m = rolled_m(sign(ticks));
+            rolled_m.abs().min((rolled_m - reach.usual_m).abs()) <= reach.metres
+        };
         if short != whole && may_wrap && (has_16_bits || !is_possible(whole)) && is_possible(short) {
             let ticks = sign(short);
             return Self { ticks, rolled_m: rolled_m(ticks), is_plausible: true, is_unwrapped: true };
@@ -403,14 +419,18 @@ mod tests {
             assert!(ticks.abs_diff(truth) <= 2, "{ticks} of {truth}");
         }
         assert_eq!(said.len(), 1, "{said:?}");
-        assert!(said[0].contains("the left wheel would have rolled -1.79 m in 0.02 s; the counters start anew"), "{said:?}");
+        assert!(
+            said[0].contains("the left wheel would have rolled -1.79 m in 0.02 s; the counters start anew"),
+            "{said:?}"
+        );
     }
 
     #[test]
     fn a_counter_that_had_not_counted_far_starts_anew_with_the_other() {
         // A turn on the spot and back left the left wheel at 3 cm.
         let far = |index: i32| [300, 60 * index];
-        let (ticks, said, _) = run((0..400).map(|index| if index < 300 { far(index) } else { [0, 60 * (index - 300)] }));
+        let (ticks, said, _) =
+            run((0..400).map(|index| if index < 300 { far(index) } else { [0, 60 * (index - 300)] }));
         assert_eq!(said.len(), 1, "{said:?}");
         let [left, right] = *ticks.last().unwrap();
         assert_eq!(left, 0, "the 3 cm back to zero were not rolled");

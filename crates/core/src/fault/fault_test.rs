@@ -293,11 +293,7 @@ mod tests {
     #[test]
     fn a_robot_that_drives_far_between_two_sweeps_makes_no_noise() {
         let scatter = |moved_m: f64| {
-            move |count: usize| Evidence {
-                residual_m: 0.3,
-                moved_m,
-                ..evidence(1.0 + 0.1 * (7 * count % 11) as f64)
-            }
+            move |count: usize| Evidence { residual_m: 0.3, moved_m, ..evidence(1.0 + 0.1 * (7 * count % 11) as f64) }
         };
         let mut slow = healthy();
         for count in 0..200 {

@@ -106,7 +106,10 @@ mod tests {
             (&b"dist=23 cm\r\n"[..], "`dist=23 cm`"),
             (b"Distance: 118 cm, free RAM 1203\r\n", "`Distance: 118 cm, free RAM 1203`"),
             (b"loop() says hello", "`loop() says hello"),
-            (b"a `very` long line that nobody would like to see whole in a log file\n", "`a 'very' long line that nobody would lik`"),
+            (
+                b"a `very` long line that nobody would like to see whole in a log file\n",
+                "`a 'very' long line that nobody would lik`",
+            ),
         ] {
             let (said, count) = reported(print, &message);
             assert_eq!((said.len(), count), (1, 19), "{said:?}");

@@ -15,7 +15,7 @@ struct Met {
     /// The link's causes while groups or frames arrive.
     causes: Vec<String>,
     heard: [u32; 2],
-    /// What the left wheel rolled, metres.
+    /// The left wheel's path, metres.
     rolled_m: f64,
     /// The longest step of the left wheel between two sweeps, metres.
     longest_m: f64,
@@ -51,7 +51,7 @@ fn meet(oddity: Oddity, seconds: u64) -> Met {
             }
         }
         for sweep in driver.take_sweeps() {
-            rolled_m += sweep.left_m;
+            rolled_m += sweep.left_m.abs();
             longest_m = longest_m.max(sweep.left_m.abs());
             temperature_range_m = sweep.beams[0].range_m;
         }
