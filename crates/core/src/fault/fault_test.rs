@@ -107,11 +107,10 @@ impl FaultTest {
         );
         let is_leap = leap_m > params.leap_m && !is_back;
         // A slow ring on a robot that drives farther than that between two sweeps: any surface leaps.
-        let is_slow = evidence.moved_m > params.leap_m;
-        if is_slow {
-        } else if self.silent_in_row > 0 && self.silent_in_row <= params.short_silence_sweeps {
+        let tells_noise = evidence.moved_m <= params.leap_m;
+        if tells_noise && self.silent_in_row > 0 && self.silent_in_row <= params.short_silence_sweeps {
             self.add(FaultKind::Noisy, if is_leap { params.jump } else { params.no_jump }, params);
-        } else if !is_same && evidence.residual_m.is_finite() && self.heard_in_row >= 3 {
+        } else if tells_noise && !is_same && evidence.residual_m.is_finite() && self.heard_in_row >= 3 {
             // Falling silent and being heard again are jumps of V, too, but say nothing of the scatter.
             self.add(
                 FaultKind::Noisy,
