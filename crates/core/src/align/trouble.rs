@@ -173,7 +173,7 @@ impl fmt::Display for Trouble {
             ),
             Self::ClockCountsMilliseconds => f.write_str(
                 "the board's clock counts milliseconds; its stamps are taken times 1000: stamp with microseconds \
-                 (Arduino: micros(), not millis())",
+                 (micros() on an Arduino, not millis())",
             ),
             Self::ClockRate(hz) => write!(
                 f,

@@ -33,7 +33,7 @@ impl StrayText {
     }
 
     /// Takes a byte after the decoder, which has accepted `frames` and rejected `damaged` ones by now. True once the text is to be reported.
-    /// Text before the first frame belongs to a boot loader or another firmware.
+    /// Text without any frame belongs to a boot loader or another firmware.
     pub(super) fn take(&mut self, byte: u8, frames: u64, damaged: u64) -> bool {
         if byte != DELIMITER {
             if self.chunk.len() < MAX_CHUNK {
@@ -42,14 +42,15 @@ impl StrayText {
             return false;
         }
         let is_damaged = std::mem::replace(&mut self.damaged, damaged) != damaged;
-        let text = if is_damaged && frames > 0 { text(&self.chunk) } else { None };
+        let text = if is_damaged { text(&self.chunk) } else { None };
         self.chunk.clear();
         let Some(text) = text else { return false };
         self.count += 1;
-        if self.count == MIN_COUNT {
+        let is_first = frames > 0 && self.count >= MIN_COUNT && self.first.is_empty();
+        if is_first {
             self.first = text;
         }
-        self.count == MIN_COUNT
+        is_first
     }
 
     /// The problem, and what to do.
@@ -112,7 +113,7 @@ mod tests {
             ),
         ] {
             let (said, count) = reported(print, &message);
-            assert_eq!((said.len(), count), (1, 19), "{said:?}");
+            assert_eq!((said.len(), count), (1, 20), "{said:?}");
             assert!(said[0].contains(quoted), "{said:?}");
         }
     }

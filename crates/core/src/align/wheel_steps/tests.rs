@@ -62,8 +62,7 @@ fn counters_that_start_anew_cost_one_interval() {
 fn a_counter_that_had_not_counted_far_starts_anew_with_the_other() {
     // A turn on the spot and back left the left wheel at 3 cm.
     let far = |index: i32| [300, 60 * index];
-    let (ticks, said, _) =
-        run((0..400).map(|index| if index < 300 { far(index) } else { [0, 60 * (index - 300)] }));
+    let (ticks, said, _) = run((0..400).map(|index| if index < 300 { far(index) } else { [0, 60 * (index - 300)] }));
     assert_eq!(said.len(), 1, "{said:?}");
     let [left, right] = *ticks.last().unwrap();
     assert_eq!(left, 0, "the 3 cm back to zero were not rolled");
