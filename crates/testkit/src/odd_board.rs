@@ -143,24 +143,24 @@ impl OddBoard {
     }
 
     fn speak(&mut self) {
-        if !self.is_greeted && self.oddity != Oddity::Mute && self.now_us % 100_000 == 0 {
+        if !self.is_greeted && self.oddity != Oddity::Mute && self.now_us.is_multiple_of(100_000) {
             self.hello();
         }
         let Some(since_us) = self.since_us else { return };
         let firing_us = self.now_us - since_us;
-        if firing_us > 0 && firing_us % SLOT_US == 0 {
+        if firing_us > 0 && firing_us.is_multiple_of(SLOT_US) {
             self.sonar();
         }
-        if self.now_us % 20_000 == 0 {
+        if self.now_us.is_multiple_of(20_000) {
             let [left_ticks, right_ticks] = self.ticks(0);
             self.send(&Message::Encoder(Encoder { t_us: self.stamp(0), left_ticks, right_ticks, flags: 0 }));
         }
-        if self.now_us % 1_000_000 == 0 {
+        if self.now_us.is_multiple_of(1_000_000) {
             let cdeg = if let Oddity::Air(cdeg) = self.oddity { cdeg } else { 2_000 };
             let t_us = self.stamp(0);
             self.send(&Message::Status(Status { t_us, temperature_cdeg: Some(cdeg), ..Status::default() }));
         }
-        if self.oddity == Oddity::Prints && self.now_us % 100_000 == 0 {
+        if self.oddity == Oddity::Prints && self.now_us.is_multiple_of(100_000) {
             self.out.extend_from_slice(b"dist=23 cm\r\n");
         }
     }
@@ -237,7 +237,7 @@ impl OddBoard {
         match self.oddity {
             Oddity::Wraps => [ticks & 0xFFFF; 2],
             Oddity::StartsAnew if self.now_us - before_us >= 10_000_000 => [ticks - (8 * TICKS_PER_S) as i32; 2],
-            Oddity::Zeros if self.counted % 100 == 0 => [0, ticks],
+            Oddity::Zeros if self.counted.is_multiple_of(100) => [0, ticks],
             Oddity::Scale(scale) => [scale * ticks; 2],
             _ => [ticks; 2],
         }
