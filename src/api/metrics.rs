@@ -31,6 +31,10 @@ pub(super) fn page(snapshot: &Snapshot, served: Served) -> String {
         ("board_restarts", "Restarts of the board.", counted.restarts),
         ("sweeps", "Sweeps used.", counted.sweeps),
         ("dropped_sweeps", "Sweeps given up because too much of them was missing.", counted.dropped_sweeps),
+        ("unwrapped_steps", "Wheel steps across a wrap at 16 bits, which are used.", counted.unwrapped_steps),
+        ("refused_steps", "Wheel steps that no wheel can roll, which are not used.", counted.refused_steps),
+        ("refused_stamps", "Messages not used because the board's clock ran backwards.", counted.refused_stamps),
+        ("stray_texts", "Damaged frames that hold readable text.", counted.stray_texts),
         ("api_refused_clients", "Clients turned away because there were too many.", served.refused),
         ("api_slow_clients", "Clients dropped because they were too slow.", served.slow),
     ];

@@ -149,6 +149,14 @@ pub struct Stats {
     pub restarts: u64,
     pub sweeps: u64,
     pub dropped_sweeps: u64,
+    /// Wheel steps across a wrap at 16 bits, which are used.
+    pub unwrapped_steps: u64,
+    /// Wheel steps that no wheel can roll, which are not used.
+    pub refused_steps: u64,
+    /// Messages not used because the board's clock ran backwards.
+    pub refused_stamps: u64,
+    /// Damaged frames that hold readable text.
+    pub stray_texts: u64,
     pub faulty_sensors: usize,
 }
 
@@ -241,6 +249,7 @@ impl<'a> Report<'a> {
     pub fn stats(snapshot: &Snapshot, clients: usize) -> Self {
         let Counters { frames, crc_errors, malformed, dropped_bytes, lost_frames, unknown, .. } = snapshot.counters;
         let Counters { refused, echoed, groups, restarts, sweeps, dropped_sweeps, .. } = snapshot.counters;
+        let Counters { unwrapped_steps, refused_steps, refused_stamps, stray_texts, .. } = snapshot.counters;
         Self::Stats(Stats {
             time_s: rounded(snapshot.at.seconds()),
             clients,
@@ -256,6 +265,10 @@ impl<'a> Report<'a> {
             restarts,
             sweeps,
             dropped_sweeps,
+            unwrapped_steps,
+            refused_steps,
+            refused_stamps,
+            stray_texts,
             faulty_sensors: snapshot.faulty().count(),
         })
     }

@@ -50,6 +50,9 @@ impl ImportArgs {
             Format::Carmen(_) => carmen::import(input, &name, &config, &files.capture),
         }?;
         summary.doubts.iter().for_each(|doubt| tracing::warn!("{name}: {doubt}"));
+        for remark in &summary.remarks {
+            eprintln!("{name}: {remark}");
+        }
         eprintln!("{}: {summary}", files.capture.display());
         Ok(())
     }

@@ -4,7 +4,8 @@ use super::clock::ClockEvidence;
 use super::finding::{Finding, Level, Report};
 use super::line::LineEvidence;
 use super::sensors::SensorEvidence;
-use super::wheels::WheelEvidence;
+use super::troubles::Troubles;
+use super::wheels::{WheelEvidence, metres_per_tick};
 use bytes::Bytes;
 use slamd_core::{
     Config, Driver, Event, FaultKind, Input, ModelEvent, ModelState, Record, SensorState, SessionState, Timestamp,
@@ -50,7 +51,7 @@ impl Examination {
             decoder: FrameDecoder::new(),
             outputs: Outputs { line: LineEvidence::new(baud), transmit: Vec::new(), state: SessionState::default() },
             sensors: SensorEvidence::default(),
-            wheels: WheelEvidence::default(),
+            wheels: WheelEvidence::new(&config.robot),
             clock: ClockEvidence::default(),
             settings: [None; Setting::ALL.len()],
             restarts: 0,
@@ -150,7 +151,9 @@ impl Examination {
     #[must_use]
     pub fn findings(&self) -> (Vec<Finding>, Vec<super::SensorStatistics>) {
         let counters = self.driver.pipeline().counters();
-        let mut findings = self.outputs.line.findings(&counters, self.driver.pipeline().board(), self.link.baud());
+        let troubles = Troubles::new(self.driver.pipeline().troubles());
+        let board = self.driver.pipeline().board();
+        let mut findings = self.outputs.line.findings(&counters, board, self.link.baud(), &troubles);
         let answers = counters.frames > counters.echoed && !self.driver.pipeline().board().is_refused();
         if !answers {
             return (findings, Vec::new());
@@ -167,6 +170,7 @@ impl Examination {
             path_m,
             self.config.ring.max_range_m,
             self.setting(Setting::SlotUs),
+            &troubles,
         ));
         findings.extend(noisy(self.driver.pipeline().states()));
         findings.extend(self.wheels.findings(&self.config.robot, self.driver.pipeline().board(), |setting| {
@@ -190,10 +194,14 @@ impl Examination {
     fn message(&mut self, message: &Message) {
         match message {
             Message::Sonar(sonar) => {
-                self.sensors.sonar(sonar);
-                self.wheels.counts(sonar.t_us, sonar.left_ticks, sonar.right_ticks);
+                let t_us = self.driver.pipeline().stamp_us(sonar.t_us);
+                self.sensors.sonar(sonar, t_us);
+                self.counts(t_us, sonar.left_ticks, sonar.right_ticks);
             }
-            Message::Encoder(encoder) => self.wheels.counts(encoder.t_us, encoder.left_ticks, encoder.right_ticks),
+            Message::Encoder(encoder) => {
+                let t_us = self.driver.pipeline().stamp_us(encoder.t_us);
+                self.counts(t_us, encoder.left_ticks, encoder.right_ticks);
+            }
             Message::Status(status) => {
                 self.outputs.line.status(status);
                 self.sensors.status(status);
@@ -209,6 +217,11 @@ impl Examination {
             }
             _ => {}
         }
+    }
+
+    fn counts(&mut self, t_us: u32, left: i32, right: i32) {
+        let metres_per_tick = metres_per_tick(&self.config.robot, self.driver.pipeline().board());
+        self.wheels.counts(t_us, left, right, metres_per_tick);
     }
 
     fn handle(&mut self, input: Input<'_>) {
@@ -232,7 +245,6 @@ impl Outputs {
     fn take(&mut self, update: Update<'_>) {
         match update {
             Update::Transmit(frame) => self.transmit.push(frame.clone()),
-            Update::Event(Event::BoardTrouble { text, .. }) => self.line.trouble(text.clone()),
             Update::Event(event @ Event::Model(_)) => self.state.take(event),
             Update::Event(_) | Update::Truth(..) | Update::Input => {}
         }

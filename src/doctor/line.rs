@@ -1,8 +1,9 @@
 //! The serial link: received data, damage, baud rate and firmware.
 
 use super::finding::{Finding, Level};
+use super::troubles::Troubles;
 use slamd_core::{
-    Board, Counters, Timestamp,
+    Board, Counters, Timestamp, Topic,
     link::{LinkCause, LinkChange, LinkState},
 };
 use slamd_protocol::Status;
@@ -26,7 +27,6 @@ pub(super) struct LineEvidence {
     first_at: Option<Timestamp>,
     last_at: Timestamp,
     causes: Vec<LinkCause>,
-    troubles: Vec<String>,
     last_status: Option<Status>,
     overruns: u64,
     board_crc_errors: u64,
@@ -41,7 +41,6 @@ impl LineEvidence {
             first_at: None,
             last_at: Timestamp::default(),
             causes: Vec::new(),
-            troubles: Vec::new(),
             last_status: None,
             overruns: 0,
             board_crc_errors: 0,
@@ -61,10 +60,6 @@ impl LineEvidence {
         }
     }
 
-    pub(super) fn trouble(&mut self, text: String) {
-        self.troubles.push(text);
-    }
-
     /// The board's counters restarted.
     pub(super) fn restart(&mut self) {
         self.last_status = None;
@@ -81,7 +76,13 @@ impl LineEvidence {
         }
     }
 
-    pub(super) fn findings(&self, counters: &Counters, board: &Board, baud: u32) -> Vec<Finding> {
+    pub(super) fn findings(
+        &self,
+        counters: &Counters,
+        board: &Board,
+        baud: u32,
+        troubles: &Troubles<'_>,
+    ) -> Vec<Finding> {
         if counters.frames == 0 {
             return vec![self.nothing_valid()];
         }
@@ -104,12 +105,15 @@ impl LineEvidence {
         }
         match board.hello() {
             Some(_) => findings.push(Finding::ok("line.board", board.description())),
-            None => findings.push(Finding::new(
-                Level::Warning,
-                "line.board",
-                "the board has not identified itself",
-                "press its reset button while this runs; if that does not help, flash protocol/firmware again",
-            )),
+            None => findings.push(match troubles.identity() {
+                Some((text, fix)) => Finding::new(Level::Problem, "line.board", text, fix),
+                None => Finding::new(
+                    Level::Warning,
+                    "line.board",
+                    "the board has not identified itself",
+                    "press its reset button while this runs; if that does not help, flash protocol/firmware again",
+                ),
+            }),
         }
         if baud != self.wanted_baud {
             findings.push(Finding::new(
@@ -119,12 +123,9 @@ impl LineEvidence {
                 format!("start slamd with --baud {baud}"),
             ));
         }
-        for text in &self.troubles {
-            let (text, fix) = text.rsplit_once(": ").unwrap_or((text, "see the board's settings in configs/README.md"));
-            findings.push(Finding::new(Level::Problem, "line.settings", text, fix));
-        }
+        findings.extend(troubles.findings(counters));
         findings.extend(self.rate(baud));
-        findings.extend(damage(counters));
+        findings.extend(damage(counters, troubles.has(Topic::Content)));
         findings.extend(self.board_side());
         findings.extend(restarts(counters.restarts));
         findings
@@ -201,15 +202,17 @@ impl LineEvidence {
     }
 }
 
-/// Damaged and missing frames.
-fn damage(counters: &Counters) -> Vec<Finding> {
+/// Damaged and missing frames, and messages of unknown type; invalid content counts among these unless it `has_content` findings.
+fn damage(counters: &Counters, has_content: bool) -> Vec<Finding> {
     let level = |count: u64| {
         let share = count as f64 / (count + counters.frames) as f64;
         let is_relevant = count >= MIN_COUNT && share > WARNING_SHARE;
         let level = if share > PROBLEM_SHARE { Level::Problem } else { Level::Warning };
         is_relevant.then_some((level, share * 100.0))
     };
-    let damaged = counters.crc_errors + counters.malformed;
+    // Text between frames damages the one after it, and has its own finding.
+    let all = counters.crc_errors + counters.malformed;
+    let damaged = all.saturating_sub(counters.stray_texts);
     let mut findings = Vec::new();
     if let Some((level, percent)) = level(damaged) {
         let text = format!("{damaged} frames ({percent:.1} %) arrived damaged");
@@ -218,7 +221,7 @@ fn damage(counters: &Counters) -> Vec<Finding> {
         findings.push(Finding::new(level, "line.damaged", text, fix));
     }
     // A damaged frame also counts as missing in the sequence numbers.
-    let lost = counters.lost_frames.saturating_sub(damaged);
+    let lost = counters.lost_frames.saturating_sub(all);
     if let Some((level, percent)) = level(lost) {
         let text = format!("{lost} frames ({percent:.1} %) are missing");
         let fix = "plug the board in without a hub, set [board] encoder_period_ms higher, and look for a busy computer";
@@ -230,7 +233,7 @@ fn damage(counters: &Counters) -> Vec<Finding> {
             format!("{} frames, {damaged} damaged, {} missing", counters.frames, counters.lost_frames),
         ));
     }
-    let unknown = counters.unknown + counters.refused;
+    let unknown = counters.unknown + if has_content { 0 } else { counters.refused };
     if unknown > 0 {
         let text = format!("{unknown} messages with unknown type or invalid content");
         findings.push(Finding::new(

@@ -8,6 +8,7 @@ mod examination;
 mod finding;
 mod line;
 mod sensors;
+mod troubles;
 mod wheels;
 
 pub use examination::Examination;

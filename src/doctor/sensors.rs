@@ -1,8 +1,9 @@
 //! The sensors: which respond, which receive echoes, which are stuck.
 
 use super::finding::{Finding, Level};
+use super::troubles::Troubles;
 use serde::Serialize;
-use slamd_core::Ring;
+use slamd_core::{Ring, Topic};
 use slamd_protocol::{Echo, Sonar, Status};
 use std::f64::consts::TAU;
 
@@ -77,15 +78,16 @@ pub(super) struct SensorEvidence {
 }
 
 impl SensorEvidence {
-    pub(super) fn sonar(&mut self, sonar: &Sonar) {
+    /// Takes a group that fired at `t_us`.
+    pub(super) fn sonar(&mut self, sonar: &Sonar, t_us: u32) {
         let group = usize::from(sonar.group);
         self.fired.resize(MAX_GROUPS.min(self.fired.len().max(group + 1)), 0);
         if let Some(fired) = self.fired.get_mut(group) {
             *fired += 1;
         }
         self.cycles += u64::from(sonar.last_of_cycle);
-        if let Some(last_us) = self.last_us.replace(sonar.t_us) {
-            let slot_us = sonar.t_us.wrapping_sub(last_us);
+        if let Some(last_us) = self.last_us.replace(t_us) {
+            let slot_us = t_us.wrapping_sub(last_us);
             if slot_us < 10_000_000 {
                 self.slots_us.push(slot_us);
                 self.span_us += u64::from(slot_us);
@@ -111,7 +113,8 @@ impl SensorEvidence {
 
     pub(super) fn statistics(&self, sensors: usize, ring: Option<&Ring>) -> Vec<SensorStatistics> {
         let none = Tally::default();
-        (0..sensors.max(self.tallies.len()))
+        let known = ring.map_or(self.tallies.len(), |_| 0);
+        (0..sensors.max(known))
             .map(|sensor| {
                 let tally = self.tallies.get(sensor).unwrap_or(&none);
                 let mounting = ring.and_then(|ring| ring.mountings.get(sensor));
@@ -145,12 +148,21 @@ impl SensorEvidence {
         path_m: f64,
         max_range_m: f64,
         slot_us: Option<i32>,
+        troubles: &Troubles<'_>,
     ) -> Vec<Finding> {
         if self.fired.iter().sum::<u64>() == 0 {
-            let fix = "press the board's reset button; if that does not help, flash protocol/firmware again";
+            let fix = if troubles.has(Topic::Content) {
+                "correct the board's message first: slamd starts the ring once it knows it"
+            } else {
+                "press the board's reset button; if that does not help, flash protocol/firmware again"
+            };
             return vec![Finding::new(Level::Problem, "sensors.silent", "the board answers but fires no sensor", fix)];
         }
-        let mut findings = Vec::from_iter(self.rate(slot_us));
+        // Stamps that run back or count something else tell no rate.
+        let mut findings = Vec::from_iter(self.rate(slot_us).filter(|_| !troubles.has(Topic::Clock)));
+        if troubles.has(Topic::SensorIds) {
+            return findings;
+        }
         let per_sensor: Vec<Option<Finding>> = statistics
             .iter()
             .map(|sensor| {

@@ -4,12 +4,16 @@
 //! straight ahead and then turns it left, and each finding states its condition.
 
 use super::finding::{Finding, Level};
-use slamd_core::{Board, config::RobotConfig};
+use slamd_core::{
+    Board, DeviceTime,
+    config::RobotConfig,
+    stages::{AlignParams, WheelSteps, Widener},
+};
 use slamd_protocol::Setting;
 use std::f64::consts::TAU;
 
-/// Time step for comparing counts, microseconds of board time.
-const STEP_US: u32 = 250_000;
+/// Time step for comparing counts, seconds of board time.
+const STEP_S: f64 = 0.25;
 /// Least path that counts as motion, mean of both wheels, metres.
 const MIN_PATH_M: f64 = 0.1;
 /// Largest path of a test by hand, metres; a longer path is a drive, which turns both ways.
@@ -30,24 +34,39 @@ struct Rolled {
 }
 
 /// Evidence about the wheels.
-#[derive(Default)]
 pub(super) struct WheelEvidence {
-    last: Option<(u32, [i32; 2])>,
+    widener: Widener,
+    /// Steps that no wheel can roll are left out, as the estimator does.
+    steps: WheelSteps,
+    last: Option<(DeviceTime, [i64; 2])>,
     rolled: Rolled,
     /// Absolute ticks of each wheel.
     path: [f64; 2],
 }
 
 impl WheelEvidence {
-    pub(super) fn counts(&mut self, t_us: u32, left: i32, right: i32) {
-        let (then_us, [last_left, last_right]) = *self.last.get_or_insert((t_us, [left, right]));
-        let since_us = t_us.wrapping_sub(then_us);
+    pub(super) fn new(robot: &RobotConfig) -> Self {
+        Self {
+            widener: Widener::default(),
+            steps: WheelSteps::new(robot.max_speed_m_s, AlignParams::default()),
+            last: None,
+            rolled: Rolled::default(),
+            path: [0.0; 2],
+        }
+    }
+
+    /// Takes counts of wheels that roll `metres_per_tick`, latched at `t_us`.
+    pub(super) fn counts(&mut self, t_us: u32, left: i32, right: i32, metres_per_tick: f64) {
+        let Some(at) = self.widener.widen(t_us) else { return self.restart() };
+        let now = self.steps.add(at, [left, right], [metres_per_tick; 2]);
+        let (then, before) = *self.last.get_or_insert((at, now));
         // Skips a late message, whose counts are older than the last ones.
-        if !(STEP_US..=u32::MAX / 2).contains(&since_us) {
+        if at.seconds_since(then) < STEP_S {
             return;
         }
-        self.last = Some((t_us, [left, right]));
-        let step = [f64::from(left.wrapping_sub(last_left)), f64::from(right.wrapping_sub(last_right))];
+        self.last = Some((at, now));
+        let ([left, right], [last_left, last_right]) = (now, before);
+        let step = [(left - last_left) as f64, (right - last_right) as f64];
         let [left, right] = step;
         let kind = match (left >= 0.0, right >= 0.0) {
             (true, true) => &mut self.rolled.forward,
@@ -63,6 +82,8 @@ impl WheelEvidence {
 
     /// The counts restarted.
     pub(super) fn restart(&mut self) {
+        self.widener.reset();
+        self.steps.restart();
         self.last = None;
     }
 
@@ -189,7 +210,7 @@ fn mean([left, right]: [f64; 2]) -> f64 {
 }
 
 /// Metres per tick; without a configured or reported number of ticks, the protocol's default.
-fn metres_per_tick(robot: &RobotConfig, board: &Board) -> f64 {
+pub(super) fn metres_per_tick(robot: &RobotConfig, board: &Board) -> f64 {
     let ticks = robot.ticks_per_turn.or_else(|| board.ticks_per_turn());
     let ticks = ticks.map_or_else(|| f64::from(Setting::TicksPerTurn.default()), f64::from);
     TAU * robot.wheel_radius_m / ticks

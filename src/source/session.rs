@@ -126,8 +126,12 @@ impl Session {
     pub fn statistics(&self) -> String {
         let counters = self.pipeline().counters();
         let latency = self.observers.outputs.latency().map_or_else(String::new, |latency| format!("; {latency}"));
+        let steps = match (counters.unwrapped_steps, counters.refused_steps) {
+            (0, 0) => String::new(),
+            (unwrapped, refused) => format!("; wheel steps: {unwrapped} unwrapped at 16 bits, {refused} not used"),
+        };
         format!(
-            "{} sweeps, {} dropped; {} frames, {} lost, {} CRC errors{latency}",
+            "{} sweeps, {} dropped; {} frames, {} lost, {} CRC errors{steps}{latency}",
             counters.sweeps, counters.dropped_sweeps, counters.frames, counters.lost_frames, counters.crc_errors
         )
     }

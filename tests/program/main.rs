@@ -4,6 +4,7 @@ mod book;
 mod cli;
 mod config_command;
 mod doctor;
+mod doctor_troubles;
 mod manual;
 mod monitor;
 mod monitor_terminal;

@@ -129,8 +129,7 @@ impl Conversation {
 
     /// The board restarted: asks everything again except the ring's geometry.
     pub(crate) fn restarted(&mut self, at: Timestamp) {
-        self.handshake.clock_restarted();
-        self.handshake.hurry(at);
+        self.handshake.restarted(at);
         self.settings.restart();
         self.last_group_at = None;
     }

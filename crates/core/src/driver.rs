@@ -216,6 +216,8 @@ impl Driver {
             restarts: counters.restarts,
             echoed: counters.echoed,
             board: self.pipeline.board(),
+            trouble: self.pipeline.line_trouble(),
+            waits_for_movement: self.pipeline.waits_for_movement(),
         }
     }
 

@@ -89,7 +89,7 @@ pub enum Event {
         /// When it was noticed.
         at: Timestamp,
     },
-    /// The board reports impossible values, or does not accept a setting.
+    /// The board reports impossible values, or does not accept a setting. Each trouble is told once.
     BoardTrouble {
         /// When its message arrived.
         at: Timestamp,
@@ -367,4 +367,12 @@ pub struct Counters {
     pub sweeps: u64,
     /// Sweeps dropped because too much of them was missing.
     pub dropped_sweeps: u64,
+    /// Wheel steps across a wrap at 16 bits; they are unwrapped and used.
+    pub unwrapped_steps: u64,
+    /// Wheel steps that no wheel can roll; they are not used.
+    pub refused_steps: u64,
+    /// Messages not used because the board's clock ran backwards.
+    pub refused_stamps: u64,
+    /// Damaged frames that hold readable text.
+    pub stray_texts: u64,
 }

@@ -49,7 +49,11 @@ pub(crate) struct Messages {
 #[derive(Clone, Debug)]
 pub(crate) struct Handshake {
     question_due: Timestamp,
+    /// The last question and when it was asked: the same one is not asked again before [`RETRY`], whatever its answer.
+    asked: Option<(Message, Timestamp)>,
     time_due: Timestamp,
+    /// No time request goes out before this.
+    time_not_before: Timestamp,
     quick_requests: u16,
     has_spoken: bool,
     token: u16,
@@ -59,7 +63,16 @@ pub(crate) struct Handshake {
 impl Default for Handshake {
     fn default() -> Self {
         let due = Timestamp::default() + SILENCE;
-        Self { question_due: due, time_due: due, quick_requests: 0, has_spoken: false, token: 0, pending: None }
+        Self {
+            question_due: due,
+            asked: None,
+            time_due: due,
+            time_not_before: due,
+            quick_requests: 0,
+            has_spoken: false,
+            token: 0,
+            pending: None,
+        }
     }
 }
 
@@ -67,13 +80,14 @@ impl Handshake {
     /// The port was opened again: the board may be booting.
     pub(crate) fn opened(&mut self, at: Timestamp) {
         let due = at + SILENCE;
-        *self = Self { question_due: due, time_due: due, token: self.token, ..Self::default() };
+        *self = Self { question_due: due, time_due: due, time_not_before: due, token: self.token, ..Self::default() };
     }
 
     /// The board sent something: it listens, too.
     pub(crate) fn heard(&mut self, at: Timestamp) {
         if !self.has_spoken {
             self.has_spoken = true;
+            self.time_not_before = self.time_not_before.min(at);
             self.hurry(at);
         }
     }
@@ -87,9 +101,18 @@ impl Handshake {
     /// Messages to send at `at`: the handshake's next question and, once the board is known, a time request.
     pub(crate) fn ask(&mut self, at: Timestamp, known: Known) -> Messages {
         let may_ask_time = known.hello && !known.refused;
-        let question = (at >= self.question_due).then(|| question(known)).flatten();
+        let mut question = (at >= self.question_due).then(|| question(known)).flatten();
         if at >= self.question_due {
-            self.question_due = at + if question.is_some() { RETRY } else { CALM };
+            let again =
+                self.asked.as_ref().filter(|(asked, _)| question.as_ref() == Some(asked)).map(|(_, at)| *at + RETRY);
+            match again.filter(|again| at < *again) {
+                Some(again) => (question, self.question_due) = (None, again),
+                None if question.is_some() => {
+                    self.asked = question.clone().map(|question| (question, at));
+                    self.question_due = at + RETRY;
+                }
+                None => self.question_due = at + CALM,
+            }
         }
         let asks_time = at >= self.time_due && may_ask_time;
         if at >= self.time_due {
@@ -98,6 +121,7 @@ impl Handshake {
             self.time_due = at + if is_quick { QUICK_PERIOD } else { TIME_PERIOD };
         }
         let time = asks_time.then(|| {
+            self.time_not_before = at + QUICK_PERIOD;
             self.token = self.token.wrapping_add(1);
             Message::TimeRequest { token: self.token }
         });
@@ -106,12 +130,14 @@ impl Handshake {
 
     /// An answer arrived: the next question is due at once.
     pub(crate) fn hurry(&mut self, at: Timestamp) {
-        (self.question_due, self.time_due) = (at, self.time_due.min(at));
+        self.question_due = at;
+        self.time_due = self.time_due.min(at.max(self.time_not_before));
     }
 
-    /// The board's clock started again: sends the quick time requests again.
-    pub(crate) fn clock_restarted(&mut self) {
-        self.quick_requests = 0;
+    /// The board restarted: asks again at once, and sends the quick time requests again.
+    pub(crate) fn restarted(&mut self, at: Timestamp) {
+        (self.asked, self.quick_requests) = (None, 0);
+        self.hurry(at);
     }
 
     /// A time request was written at `at`.

@@ -78,7 +78,7 @@ pub use geometry::{Mounting, Placement, Point, Pose2, Ring, Segment, nearest_qua
 pub use handshake::introduction;
 pub use mapping::grid::{MapChange, Patch};
 pub use mapping::raster::Raster;
-pub use pipeline::{Estimator, Methods, Pipeline, Start, Waiting, built_in};
+pub use pipeline::{Estimator, Methods, Pipeline, Start, Topic, Waiting, built_in};
 pub use rates::{RateMeter, Rates};
 pub use robot_model::{ModelAspect, ModelEvent, ModelFinding, ModelState};
 pub use saved_state::{InvalidState, SavedState};

@@ -97,6 +97,10 @@ pub struct Reception<'a> {
     pub echoed: u64,
     /// The board.
     pub board: &'a Board,
+    /// What is wrong with the line or with what the board says of itself.
+    pub trouble: Option<&'a str>,
+    /// Sweeps arrive, but the robot has not moved yet.
+    pub waits_for_movement: bool,
 }
 
 /// Usual rates of boards and bridges, likeliest first.
@@ -215,8 +219,7 @@ impl Link {
         self.count_restarts(at, reception);
         if reception.groups > self.groups {
             (self.groups, self.since) = (reception.groups, at);
-            let cause = LinkCause::EchoesArrive { port: self.port.clone(), baud: self.baud };
-            self.change(at, LinkState::Streaming, cause);
+            self.stream(at, reception);
         } else if self.state == LinkState::Listening && reception.frames > self.frames {
             self.greet(at, reception);
         } else if self.state == LinkState::Handshake
@@ -240,7 +243,8 @@ impl Link {
             LinkState::Handshake => {
                 self.since = at;
                 if !reception.board.is_refused() {
-                    self.change(at, LinkState::Handshake, LinkCause::NoPings);
+                    let cause = reception.trouble.map_or(LinkCause::NoPings, |text| LinkCause::Trouble(text.into()));
+                    self.change(at, LinkState::Handshake, cause);
                 }
             }
             LinkState::Streaming => self.change(at, LinkState::Stale, self.no_echoes(at, STALE)),
@@ -287,6 +291,16 @@ impl Link {
             (self.state, self.cause) = (state, cause.clone());
             self.changes.push_back(LinkChange { at, state, cause });
         }
+    }
+
+    /// Sensor groups arrive.
+    fn stream(&mut self, at: Timestamp, reception: &Reception<'_>) {
+        let cause = match reception.trouble {
+            Some(text) => LinkCause::Trouble(text.into()),
+            None if reception.waits_for_movement => LinkCause::WaitsForMovement,
+            None => LinkCause::EchoesArrive { port: self.port.clone(), baud: self.baud },
+        };
+        self.change(at, LinkState::Streaming, cause);
     }
 
     /// Restarts the wait and its counts.

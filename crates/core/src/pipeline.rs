@@ -14,7 +14,10 @@
 
 mod estimator;
 mod introspection;
+mod stray_text;
+mod troubles;
 
+pub use crate::align::trouble::Topic;
 pub use estimator::{Estimator, Methods, Start, Waiting, built_in};
 
 use crate::align::track::Wheels;
@@ -33,6 +36,8 @@ use bytes::Bytes;
 use slamd_protocol::{DELIMITER, Encoder, FrameDecoder, FrameEncoder, Hello, Message, MessageError, Sonar};
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
+use stray_text::StrayText;
+use troubles::Noted;
 
 /// From the board's bytes to the robot's map.
 #[derive(Debug)]
@@ -51,6 +56,8 @@ pub struct Pipeline {
     reversed: [bool; 2],
     kept_sweeps: Option<Vec<Sweep>>,
     last_seq: Option<u8>,
+    text: StrayText,
+    noted: Noted,
     counters: Counters,
     events: Vec<Event>,
     outputs: VecDeque<Output>,
@@ -90,7 +97,7 @@ impl Pipeline {
             sent: FrameDecoder::new(),
             encoder: FrameEncoder::default(),
             conversation: Conversation::new(config),
-            aligner: Aligner::with_params(&config.ring, params.align),
+            aligner: Aligner::with_params(&config.ring, config.robot.max_speed_m_s, params.align),
             start,
             methods,
             params,
@@ -98,6 +105,8 @@ impl Pipeline {
             reversed: [false; 2],
             kept_sweeps: None,
             last_seq: None,
+            text: StrayText::new(),
+            noted: Noted::default(),
             counters: Counters::default(),
             events: Vec::new(),
             outputs: VecDeque::new(),
@@ -148,6 +157,7 @@ impl Pipeline {
                 }
             }
         }
+        self.note_events();
         self.outputs.extend(self.events.drain(..).map(Output::Event));
     }
 
@@ -215,7 +225,12 @@ impl Pipeline {
     #[must_use]
     pub fn counters(&self) -> Counters {
         let decoded = self.decoder.counters();
+        let (unwrapped_steps, refused_steps) = self.aligner.step_counts();
         Counters {
+            unwrapped_steps,
+            refused_steps,
+            stray_texts: self.text.count(),
+            refused_stamps: self.aligner.refused_stamps(),
             frames: decoded.frames,
             crc_errors: decoded.crc_errors,
             malformed: decoded.malformed,
@@ -226,27 +241,22 @@ impl Pipeline {
     }
 
     fn received(&mut self, byte: u8, at: Timestamp) {
-        let Some(frame) = self.decoder.push(byte) else { return };
-        let (seq, message) = (frame.seq, Message::parse(frame.kind, frame.payload));
+        let frame = self.decoder.push(byte);
+        let parsed = frame.map(|frame| (frame.seq, Message::parse(frame.kind, frame.payload)));
+        let decoded = self.decoder.counters();
+        if self.text.take(byte, decoded.frames, decoded.crc_errors + decoded.malformed) {
+            self.trouble(Topic::Text, self.text.report(), at);
+        }
+        let Some((seq, message)) = parsed else { return };
         self.count_lost(seq);
         self.conversation.heard(at);
         match message {
             Ok(message) if message.kind() & FROM_HOST != 0 => self.counters.echoed += 1,
             Ok(message) => self.message(message, at),
             Err(MessageError::UnknownType(_)) => self.counters.unknown += 1,
-            Err(_) => self.counters.refused += 1,
+            Err(error) => self.invalid(&error, at),
         }
-    }
-
-    /// Numbers between the newest and this one are missing; one that comes late was counted as missing and is not.
-    fn count_lost(&mut self, seq: u8) {
-        match seq.wrapping_sub(self.last_seq.unwrap_or_else(|| seq.wrapping_sub(1))) {
-            ahead @ 1..128 => {
-                self.counters.lost_frames += u64::from(ahead - 1);
-                self.last_seq = Some(seq);
-            }
-            _ => self.counters.lost_frames = self.counters.lost_frames.saturating_sub(1),
-        }
+        self.take_troubles(at);
     }
 
     fn message(&mut self, message: Message, at: Timestamp) {
@@ -256,7 +266,7 @@ impl Pipeline {
         if self.conversation.board().is_refused() {
             return;
         }
-        let Self { conversation, aligner, estimator, kept_sweeps, counters, events, .. } = self;
+        let Self { conversation, aligner, estimator, kept_sweeps, counters, events, noted, .. } = self;
         let trust = match &message {
             Message::Sonar(Sonar { t_us, .. }) | Message::Encoder(Encoder { t_us, .. }) => {
                 conversation.trust(at, || aligner.continues(*t_us, at))
@@ -273,6 +283,7 @@ impl Pipeline {
                     if let Some(kept) = kept_sweeps {
                         kept.push(sweep.clone());
                     }
+                    noted.moves(sweep);
                     if let Some(estimator) = estimator {
                         estimator.update(sweep, events);
                         counters.sweeps += 1;
@@ -301,30 +312,6 @@ impl Pipeline {
             }
         }
         self.reversed = reversed;
-    }
-
-    /// A message without a stamp that sweeps are made of.
-    fn aside(&mut self, message: &Message, at: Timestamp) {
-        let Self { conversation, events, .. } = self;
-        match message {
-            Message::Geometry(geometry) => {
-                if let Some(ring) = conversation.geometry(geometry, at, events) {
-                    self.use_ring(self.config.ring.ring().unwrap_or(ring), at);
-                }
-            }
-            Message::ConfigValue { key, value } => conversation.setting(*key, *value, at),
-            Message::Ack { of_type, result, .. } => conversation.acknowledged(*of_type, *result, at, events),
-            Message::Status(status) => {
-                let temperature_c = status.temperature_cdeg.map(|cdeg| 0.01 * f64::from(cdeg));
-                if let Some(temperature_c) = temperature_c.filter(|celsius| PLAUSIBLE_C.contains(celsius)) {
-                    self.aligner.set_temperature(temperature_c);
-                }
-            }
-            Message::Log(log) => {
-                events.push(Event::BoardLog { at, text: log.text.to_string() });
-            }
-            _ => {}
-        }
     }
 
     fn hello(&mut self, hello: Hello, at: Timestamp) {
@@ -383,6 +370,7 @@ impl Pipeline {
         if at < self.conversation.deadline() {
             return;
         }
+        self.note_silence(at);
         for message in self.conversation.ask(at, &mut self.events) {
             let frame = self.encoder.encode(&message);
             self.outputs.push_back(Output::Transmit(Bytes::copy_from_slice(&frame)));
@@ -392,5 +380,3 @@ impl Pipeline {
 
 /// The bit that marks the host's messages.
 const FROM_HOST: u8 = 0x80;
-/// Air in which a robot drives, degrees Celsius.
-const PLAUSIBLE_C: std::ops::RangeInclusive<f64> = -40.0..=85.0;

@@ -7,6 +7,8 @@ pub use crate::align::Aligner;
 pub use crate::align::clock::{ClockMap, Widener};
 pub use crate::align::params::Params as AlignParams;
 pub use crate::align::track::Wheels;
+pub use crate::align::trouble::{What, WheelTrouble};
+pub use crate::align::wheel_steps::WheelSteps;
 pub use crate::fault::detector::Detector;
 pub use crate::fault::params::Params as FaultParams;
 pub use crate::fault::pca::{INSTANTS, PcaBlock};

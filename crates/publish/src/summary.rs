@@ -31,6 +31,10 @@ pub struct Summary {
     pub crc_errors: u64,
     /// Frames that the sequence numbers say are missing.
     pub lost_frames: u64,
+    /// Wheel steps across a wrap at 16 bits; they are used.
+    pub unwrapped_steps: u64,
+    /// Wheel steps that no wheel can roll; they are not used.
+    pub refused_steps: u64,
     /// How often the robot lost its pose on the map.
     pub lock_losses: u64,
     /// Seconds of poses that `lock.csv` calls uncertain, to the last pose if they were uncertain then.
@@ -137,6 +141,8 @@ impl Summary {
             frames: counters.frames,
             crc_errors: counters.crc_errors,
             lost_frames: counters.lost_frames,
+            unwrapped_steps: counters.unwrapped_steps,
+            refused_steps: counters.refused_steps,
             lock_losses: 0,
             uncertain_s: 0.0,
             mean_us_per_sweep: None,

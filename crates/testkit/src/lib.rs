@@ -9,6 +9,7 @@
 pub mod broken;
 pub mod known_building;
 pub mod lattice;
+pub mod odd_board;
 pub mod promises;
 pub mod python;
 

@@ -41,6 +41,11 @@ impl Widener {
         Some(time)
     }
 
+    /// The newest board time; none before the first stamp.
+    pub(crate) fn newest(&self) -> Option<DeviceTime> {
+        self.newest
+    }
+
     /// Forgets all stamps after a restart.
     pub fn reset(&mut self) {
         self.newest = None;
@@ -117,6 +122,9 @@ impl ClockMap {
         if !(0.0..self.params.max_trip_s).contains(&trip_s) {
             return;
         }
+        if !self.trips.is_empty() && self.contradicts(sent, received, host) {
+            self.reset();
+        }
         self.trips.push_back(RoundTrip {
             received_s: received.seconds(),
             low_s: sent.seconds() - received.seconds(),
@@ -148,6 +156,13 @@ impl ClockMap {
     #[must_use]
     pub fn is_impossible(&self, board: DeviceTime, host: Timestamp) -> bool {
         self.host_time(board).is_some_and(|sent| sent.seconds_since(host) > self.params.max_ahead_s)
+    }
+
+    /// True if the line puts `received` outside the trip from `sent` to `host`: one of the clocks was set.
+    fn contradicts(&self, sent: Timestamp, received: DeviceTime, host: Timestamp) -> bool {
+        let bound_s = self.params.max_ahead_s;
+        let is_outside = |at: Timestamp| sent.seconds_since(at) > bound_s || at.seconds_since(host) > bound_s;
+        self.host_time(received).is_some_and(is_outside)
     }
 
     /// Forgets the measurements after a restart or a jump. Keeps the rate: the resonator is the same.

@@ -17,6 +17,28 @@
 /// | `min_heard` | 0.25 | 1 | by hand | less: sweeps of few beams; more: sweeps are dropped on a bad line |
 /// | `track_samples` | 180 | 1 | two seconds at 50 encoder messages and 40 groups per second | less: late pings have no pose; more: costs memory |
 /// | `extrapolate_s` | 0.03 | s | one slot between groups (25 ms) and a little | less: the pose lags when messages are missing; more: a stopped robot overshoots |
+/// | `step_speed_factor` | 3 | 1 | times robot.max_speed_m_s: a wheel that slips turns faster than the robot drives, and one outside in a curve too | less: fast wheels are held back; more: small jumps are rolled |
+/// | `step_slack_m` | 0.05 | m | stamps of foreign recordings jitter by 50 ms at 0.5 m/s | less: such rows are refused; more: jumps of this length are rolled |
+/// | `restart_s` | 1 | s | the robot rolls on while its counter starts again | less: a restart is called a jump; more: a jump is called a restart |
+/// | `bridge_s` | 0.5 | s | a robot keeps its speed this long | less: the travel of a lost interval is missing; more: a stopped robot rolls on |
+/// | `rate_s` | 0.05 | s | two encoder messages and more: one tick is little of it | less: the bridged speed is rough; more: it lags |
+/// | `same_speed` | 0.5 | 1 | two steps in a row of a robot that accelerates; jumps never resemble each other so | less: a wrong scale looks like jumps; more: jumps look like a wrong scale |
+/// | `same_steps` | 5 | 1 | noise in place of counts repeats its steps that often once in 10,000 | less: noise looks like a wrong scale; more: the path of a wrong scale comes later |
+/// | `pace_s` | 2 | s | above any jitter of stamps | less: jitter looks like speed; more: a wrong scale is said late |
+/// | `pace_factor` | 1.25 | 1 | wheel radii are known to a few per cent | less: a fast robot is blamed; more: a scale wrong by less stays unsaid |
+/// | `pace_count` | 3 | 1 | six seconds of steady excess: no slip lasts so long | less: a push by hand is blamed; more: said late |
+/// | `back_s` | 0.35 | s | a group is stamped a slot (at most 60 ms, on foreign boards 250 ms) before it is sent | less: late messages are refused; more: a clock that runs back disorders the counts |
+/// | `max_back_s` | 3 | s | such clocks were seen to run right again after one | less: wrong stamps are used; more: a clock that was set costs more sweeps |
+/// | `unit_s` | 0.3 | s | above the 16 ms by which bridges delay: the unit is known within a factor of 2 | less: delays look like another unit; more: such stamps are believed longer |
+/// | `unit_stamps` | 5 | 1 | stamps that come in one burst span less board time than host time | less: bursts look like milliseconds; more: known later |
+/// | `rate_check_s` | 10 | s | the delays of bursts (1 s) are small against it | less: bursts look like a wrong rate; more: said late |
+/// | `rate_tolerance` | 0.2 | 1 | ten times what `max_rate` follows | less: a pause looks like a wrong rate; more: a wrong rate stays unsaid |
+/// | `min_air_c` | −20 | °C | cold stores | higher: such places are refused; lower: wrong sensors are believed |
+/// | `max_air_c` | 55 | °C | hot halls; the speed of sound errs by 1 % per 6 K | lower: such places are refused; higher: wrong sensors are believed |
+/// | `air_jump_k` | 2 | K | rooms differ by more, but a sensor follows within minutes | less: drafts are refused; more: jumps are believed |
+/// | `air_drift_k_s` | 0.05 | K/s | 20 K outdoors within six minutes | less: a robot that goes outdoors keeps the old air; more: jumps are believed sooner |
+/// | `crosstalk_pings` | 40 | 1 | a second or more of changing echoes | less: chance looks like crosstalk; more: said late |
+/// | `crosstalk_share` | 0.8 | 1 | echoes of different walls rarely agree to the microsecond, on boards that round to 58 µs in one of a few | less: rounding looks like crosstalk; more: partial crosstalk stays unsaid |
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Params {
     /// A board stamp this far back means that the board restarted, microseconds.
@@ -45,6 +67,50 @@ pub struct Params {
     pub track_samples: usize,
     /// The last velocity holds this long after the newest encoder sample, seconds.
     pub extrapolate_s: f64,
+    /// A wheel cannot be faster than this times the robot's highest speed.
+    pub step_speed_factor: f64,
+    /// A wheel's step may exceed what its highest speed allows by this much, metres.
+    pub step_slack_m: f64,
+    /// A counter that starts again shows less than the way of this time at the highest speed, seconds.
+    pub restart_s: f64,
+    /// Over a lost interval up to this long the wheels roll on as before; over a longer one they stand, seconds.
+    pub bridge_s: f64,
+    /// Interval over which the wheels' rates are measured, seconds.
+    pub rate_s: f64,
+    /// Two steps whose speeds differ by a smaller share of the larger one are one motion.
+    pub same_speed: f64,
+    /// So many steps of one motion in a row show a wrong scale.
+    pub same_steps: u32,
+    /// Interval over which the speed is compared with the highest one, seconds.
+    pub pace_s: f64,
+    /// The robot may exceed its highest speed by this factor.
+    pub pace_factor: f64,
+    /// This many intervals in a row above the highest speed are reported.
+    pub pace_count: u32,
+    /// Stamps this far behind the newest one mean that the board's clock runs backwards, seconds.
+    pub back_s: f64,
+    /// A clock that stays back longer was set, seconds.
+    pub max_back_s: f64,
+    /// Host time after which the unit of the stamps is judged, seconds.
+    pub unit_s: f64,
+    /// Number of different stamps for that.
+    pub unit_stamps: u32,
+    /// Host time over which the rate of the board's clock is judged, seconds.
+    pub rate_check_s: f64,
+    /// Largest relative error of that rate without a report.
+    pub rate_tolerance: f64,
+    /// Coldest plausible air, degrees Celsius.
+    pub min_air_c: f64,
+    /// Hottest plausible air, degrees Celsius.
+    pub max_air_c: f64,
+    /// Change of the air temperature that is always plausible, kelvin.
+    pub air_jump_k: f64,
+    /// Further plausible change, kelvin per second.
+    pub air_drift_k_s: f64,
+    /// Number of changed echoes of a pair of sensors before it is judged.
+    pub crosstalk_pings: u32,
+    /// Share of equal ones among them that is crosstalk.
+    pub crosstalk_share: f64,
 }
 
 impl Default for Params {
@@ -63,6 +129,28 @@ impl Default for Params {
             min_heard: 0.25,
             track_samples: 180,
             extrapolate_s: 0.03,
+            step_speed_factor: 3.0,
+            step_slack_m: 0.05,
+            restart_s: 1.0,
+            bridge_s: 0.5,
+            rate_s: 0.05,
+            same_speed: 0.5,
+            same_steps: 5,
+            pace_s: 2.0,
+            pace_factor: 1.25,
+            pace_count: 3,
+            back_s: 0.35,
+            max_back_s: 3.0,
+            unit_s: 0.3,
+            unit_stamps: 5,
+            rate_check_s: 10.0,
+            rate_tolerance: 0.2,
+            min_air_c: -20.0,
+            max_air_c: 55.0,
+            air_jump_k: 2.0,
+            air_drift_k_s: 0.05,
+            crosstalk_pings: 40,
+            crosstalk_share: 0.8,
         }
     }
 }

@@ -50,6 +50,8 @@ pub(crate) struct Sweeper {
     range_m: std::ops::RangeInclusive<f64>,
     sound_m_s: f64,
     pings: Vec<Option<Ping>>,
+    /// The groups of the current cycle, one bit each.
+    groups: [u64; 4],
     newest: Option<DeviceTime>,
     previous: Option<(DeviceTime, Travel)>,
     sweep: Sweep,
@@ -77,6 +79,7 @@ impl Sweeper {
             range_m,
             sound_m_s: 0.0,
             pings,
+            groups: [0; 4],
             newest: None,
             previous: None,
             sweep,
@@ -114,11 +117,14 @@ impl Sweeper {
     /// True if the group already arrived in the current cycle: it then starts a new one.
     #[must_use]
     pub(crate) fn has_heard(&self, group: u8) -> bool {
-        self.ring.mountings.iter().zip(&self.pings).any(|(mounting, ping)| mounting.group == group && ping.is_some())
+        self.groups.get(usize::from(group / 64)).is_some_and(|groups| groups >> (group % 64) & 1 == 1)
     }
 
     /// Adds one fired group; `at` is its trigger. Sensors outside the ring are ignored.
     pub(crate) fn add(&mut self, sonar: &Sonar, at: DeviceTime) {
+        if let Some(groups) = self.groups.get_mut(usize::from(sonar.group / 64)) {
+            *groups |= 1 << (sonar.group % 64);
+        }
         for (mounting, ping) in self.ring.mountings.iter().zip(&mut self.pings) {
             if mounting.group == sonar.group {
                 *ping = Some(Ping { at, echo: None });
@@ -141,6 +147,7 @@ impl Sweeper {
     /// Ends the current cycle. `at` is its reference instant by the host's clock. None if too few sensors answered.
     pub(crate) fn finish(&mut self, at: Timestamp, track: &Track, wheels: Wheels) -> Option<&Sweep> {
         let reference = self.newest.take()?;
+        self.groups = [0; 4];
         let heard = self.pings.iter().flatten().count();
         if (heard as f64) < self.params.min_heard * self.pings.len() as f64 {
             self.dropped += 1;
@@ -178,6 +185,7 @@ impl Sweeper {
     /// The board restarted: the current cycle is lost, the travel continues.
     pub(crate) fn restart(&mut self) {
         self.pings.fill(None);
+        self.groups = [0; 4];
         self.newest = None;
         self.previous = self.previous.map(|(_, travel)| (DeviceTime::default(), travel));
     }

@@ -4,6 +4,8 @@
 //! their stamps. Between two samples the pose lies on the arc that the wheels rolled.
 
 use super::params::Params;
+use super::trouble::WheelTrouble;
+use super::wheel_steps::WheelSteps;
 use crate::geometry::Pose2;
 use crate::time::DeviceTime;
 use std::collections::VecDeque;
@@ -34,26 +36,26 @@ struct Sample {
 }
 
 /// The last encoder samples, in order of time.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(crate) struct Track {
     samples: VecDeque<Sample>,
-    left: Counter,
-    right: Counter,
+    steps: WheelSteps,
     params: Params,
 }
 
 impl Track {
-    /// A track without samples.
+    /// A track without samples, of a robot whose highest speed is `max_speed_m_s`.
     #[must_use]
-    pub(crate) fn new(params: Params) -> Self {
-        Self { params, ..Self::default() }
+    pub(crate) fn new(max_speed_m_s: f64, params: Params) -> Self {
+        Self { samples: VecDeque::new(), steps: WheelSteps::new(max_speed_m_s, params), params }
     }
 
     /// Adds absolute encoder counts latched at `at`. Counts older than every kept sample are ignored.
     pub(crate) fn add(&mut self, at: DeviceTime, left_ticks: i32, right_ticks: i32, wheels: Wheels) {
+        let [left, right] = self.steps.add(at, [left_ticks, right_ticks], wheels.metres_per_tick);
         let travel = Travel {
-            left_m: self.left.widen(left_ticks) * wheels.metres_per_tick[0],
-            right_m: self.right.widen(right_ticks) * wheels.metres_per_tick[1],
+            left_m: left as f64 * wheels.metres_per_tick[0],
+            right_m: right as f64 * wheels.metres_per_tick[1],
         };
         let index = self.samples.partition_point(|sample| sample.at <= at);
         let mut before = index.checked_sub(1).and_then(|before| self.samples.get(before)).copied();
@@ -95,8 +97,18 @@ impl Track {
 
     /// Flips the sign of one encoder's counts from now on; 0 is the left one.
     pub(crate) fn reverse(&mut self, wheel: usize) {
-        let counter = if wheel == 0 { &mut self.left } else { &mut self.right };
-        counter.is_reversed = !counter.is_reversed;
+        self.steps.reverse(wheel);
+    }
+
+    /// What was wrong with the counts.
+    pub(crate) fn take_trouble(&mut self) -> Option<WheelTrouble> {
+        self.steps.take_trouble()
+    }
+
+    /// Steps across a wrap at 16 bits, and steps that were not rolled.
+    #[must_use]
+    pub(crate) fn step_counts(&self) -> (u64, u64) {
+        self.steps.counts()
     }
 
     /// The board restarted with unknown counts: the track continues from the newest pose.
@@ -106,8 +118,7 @@ impl Track {
             self.samples.clear();
             self.samples.push_back(newest);
         }
-        self.left.restart();
-        self.right.restart();
+        self.steps.restart();
     }
 }
 
@@ -117,37 +128,19 @@ impl Sample {
     }
 }
 
-/// One encoder's wrapping count, as ticks since the track began.
-#[derive(Clone, Copy, Debug, Default)]
-struct Counter {
-    last: Option<i32>,
-    ticks: i64,
-    is_reversed: bool,
-}
-
-impl Counter {
-    fn widen(&mut self, count: i32) -> f64 {
-        let step = self.last.map_or(0, |last| count.wrapping_sub(last));
-        self.last = Some(count);
-        let step = i64::from(step);
-        self.ticks = self.ticks.saturating_add(if self.is_reversed { -step } else { step });
-        self.ticks as f64
-    }
-
-    fn restart(&mut self) {
-        self.last = None;
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     const WHEELS: Wheels = Wheels { metres_per_tick: [0.001; 2], base_m: 0.3 };
 
+    fn track() -> Track {
+        Track::new(0.6, Params::default())
+    }
+
     #[test]
     fn between_samples_lies_on_the_arc() {
-        let mut track = Track::default();
+        let mut track = track();
         track.add(DeviceTime::from_us(0), 100, 100, WHEELS);
         track.add(DeviceTime::from_us(100_000), 140, 160, WHEELS);
         let (pose, travel) = track.at(DeviceTime::from_us(50_000), WHEELS).unwrap();
@@ -158,8 +151,8 @@ mod tests {
     #[test]
     fn order_of_arrival_does_not_matter() {
         let samples = [(0, 0, 0), (20_000, 5, 9), (40_000, 12, 14), (60_000, 20, 30)];
-        let mut in_order = Track::default();
-        let mut late = Track::default();
+        let mut in_order = track();
+        let mut late = track();
         samples.iter().for_each(|&(t, l, r)| in_order.add(DeviceTime::from_us(t), l, r, WHEELS));
         [0, 2, 1, 3].iter().map(|&i| samples[i]).for_each(|(t, l, r)| late.add(DeviceTime::from_us(t), l, r, WHEELS));
         let end = DeviceTime::from_us(60_000);
@@ -168,7 +161,7 @@ mod tests {
 
     #[test]
     fn a_reversed_encoder_goes_on_from_where_it_was() {
-        let mut track = Track::default();
+        let mut track = track();
         let at = |ms: u64| DeviceTime::from_us(1_000 * ms);
         for (ms, left, right) in [(0, 0, 0), (20, 10, -10)] {
             track.add(at(ms), left, right, WHEELS);
@@ -181,7 +174,7 @@ mod tests {
 
     #[test]
     fn counters_wrap_and_restart_without_a_jump() {
-        let mut track = Track::default();
+        let mut track = track();
         track.add(DeviceTime::from_us(1_000), i32::MAX, i32::MAX, WHEELS);
         track.add(DeviceTime::from_us(2_000), i32::MIN + 9, i32::MIN + 9, WHEELS);
         let (before, _) = track.at(DeviceTime::from_us(2_000), WHEELS).unwrap();

@@ -106,9 +106,11 @@ impl FaultTest {
             params,
         );
         let is_leap = leap_m > params.leap_m && !is_back;
-        if self.silent_in_row > 0 && self.silent_in_row <= params.short_silence_sweeps {
+        // A slow ring on a robot that drives farther than that between two sweeps: any surface leaps.
+        let tells_noise = evidence.moved_m <= params.leap_m;
+        if tells_noise && self.silent_in_row > 0 && self.silent_in_row <= params.short_silence_sweeps {
             self.add(FaultKind::Noisy, if is_leap { params.jump } else { params.no_jump }, params);
-        } else if !is_same && evidence.residual_m.is_finite() && self.heard_in_row >= 3 {
+        } else if tells_noise && !is_same && evidence.residual_m.is_finite() && self.heard_in_row >= 3 {
             // Falling silent and being heard again are jumps of V, too, but say nothing of the scatter.
             self.add(
                 FaultKind::Noisy,
@@ -285,6 +287,20 @@ mod tests {
             _ => evidence(1.0 + 0.01 * count as f64),
         };
         assert_eq!(until_changed(&mut healthy(), outliers).1, SensorState::Healthy);
+    }
+
+    #[test]
+    fn a_robot_that_drives_far_between_two_sweeps_makes_no_noise() {
+        let scatter = |moved_m: f64| {
+            move |count: usize| Evidence { residual_m: 0.3, moved_m, ..evidence(1.0 + 0.1 * (7 * count % 11) as f64) }
+        };
+        let mut slow = healthy();
+        for count in 0..200 {
+            slow.weigh(&scatter(0.3)(count), &Params::default());
+            assert_eq!(slow.verdict(&Params::default()), SensorState::Healthy, "sweep {count}");
+        }
+        let (sweeps, _) = until_changed(&mut healthy(), scatter(0.1));
+        assert!(sweeps < 20, "{sweeps}");
     }
 
     #[test]

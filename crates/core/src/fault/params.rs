@@ -38,7 +38,7 @@ use std::f64::consts::PI;
 /// | `no_jump` | −1.3 | LLR | as `jump` | nearer to 0: clutter gives false "noisy" |
 /// | `half_jump` | −0.2 | LLR | an outlier spoils the three blocks that hold it; a step between two surfaces leaps once | positive: single outliers become "noisy" |
 /// | `unexplained_m` | 0.05 | m | first version; root of the PCA residual, 2 cm of range noise leave 0.8 cm | smaller: turns look like noise |
-/// | `leap_m` | 0.15 | m | first version | smaller: driving looks like noise; larger: weak noise is missed |
+/// | `leap_m` | 0.15 | m | first version; where the robot moves farther between two sweeps, leaps say nothing | smaller: driving looks like noise; larger: weak noise is missed |
 /// | `back_m` | 0.05 | m | first version; a sensor that alternates between two surfaces comes back this close | larger: a noisy sensor seems to alternate |
 /// | `short_silence_sweeps` | 3 | sweeps | the PCA block, whose residual a silence spoils | larger: doors count as jumps |
 /// | `repeated` | 0.35 | LLR | overall; latency "stuck" is 2.3 s | higher: a robot that drives along a wall has stuck sensors |

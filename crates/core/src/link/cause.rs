@@ -62,6 +62,10 @@ pub enum LinkCause {
         /// Bits per second.
         baud: u32,
     },
+    /// Frames arrive, but something is wrong with the line or with what the board says of itself.
+    Trouble(String),
+    /// Sensor groups arrive; the map begins when the robot drives.
+    WaitsForMovement,
     /// Sensor groups stopped arriving.
     NoEchoes {
         /// Time without them.
@@ -77,7 +81,8 @@ impl fmt::Display for LinkCause {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NotOpened => Ok(()),
-            Self::Closed(error) | Self::Refused(error) => f.write_str(error),
+            Self::Closed(text) | Self::Refused(text) | Self::Trouble(text) => f.write_str(text),
+            Self::WaitsForMovement => f.write_str("waiting for movement: the map begins when the robot drives"),
             Self::Opened { port, baud } => write!(f, "{port} is open at {baud} baud"),
             Self::Noise { baud } => {
                 write!(f, "noise: bytes arrive but no valid frame at {baud} baud; trying other rates")

@@ -65,7 +65,7 @@ impl Bench {
 }
 
 fn reception(board: &Board, [frames, groups, restarts, echoed]: [u64; 4]) -> Reception<'_> {
-    Reception { frames, groups, restarts, echoed, board }
+    Reception { frames, groups, restarts, echoed, board, trouble: None, waits_for_movement: false }
 }
 
 #[test]

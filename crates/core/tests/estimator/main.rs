@@ -12,3 +12,4 @@ mod params;
 mod resume;
 mod sensor_faults;
 mod time_jumps;
+mod troubles;

@@ -14,6 +14,7 @@ pub mod ring;
 mod rows;
 mod ticks;
 mod units;
+mod wheel_check;
 
 pub use recorder::Summary;
 pub use ticks::WheelTicks;

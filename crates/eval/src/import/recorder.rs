@@ -32,6 +32,8 @@ pub struct Summary {
     pub duration_s: f64,
     /// What is doubtful of the recording, one sentence each.
     pub doubts: Vec<String>,
+    /// What is wrong with the counts, each with its line.
+    pub remarks: Vec<String>,
 }
 
 impl fmt::Display for Summary {
@@ -170,6 +172,11 @@ impl Recorder {
     pub(super) fn finish(self) -> Result<Summary, CaptureError> {
         self.writer.finish()?;
         Ok(self.summary)
+    }
+
+    /// The time of the current row in the capture.
+    pub(super) const fn at(&self) -> Timestamp {
+        self.last
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "the low 32 bits are meant")]

@@ -11,6 +11,7 @@
 use super::recorder::{Recorder, Summary};
 use super::rows::{self, Filler, Row};
 use super::units::Readings;
+use super::wheel_check::WheelCheck;
 use super::{ImportError, SourceLine};
 use slamd_core::Config;
 use std::io::BufRead;
@@ -54,21 +55,23 @@ pub fn import(input: impl BufRead, file: &str, config: &Config, capture: &Path) 
     recorder.summary.doubts.extend(doubt);
     recorder.summary.filled_ticks = filled.cells;
     recorder.summary.left_out = left_out + filled.rows_left_out;
+    let mut wheels = WheelCheck::new(&config.robot);
     let ends = filler.map(|filler| rows::cycle_ends(&rows, filler));
     for (index, row) in rows.iter().enumerate() {
         let is_end = ends.as_ref().map(|ends| ends.get(index).is_none_or(|is_end| *is_end));
-        write(&mut recorder, row, is_end)?;
+        write(&mut recorder, &mut wheels, row, is_end)?;
     }
-    Ok(recorder.finish()?)
+    Ok(Summary { remarks: wheels.into_remarks(), ..recorder.finish()? })
 }
 
 /// Writes a row. `is_end` says whether it ends its cycle, where rows hold a part of the ring each; none where they are whole sweeps.
-fn write(recorder: &mut Recorder, row: &Row, is_end: Option<bool>) -> Result<(), ImportError> {
+fn write(recorder: &mut Recorder, wheels: &mut WheelCheck, row: &Row, is_end: Option<bool>) -> Result<(), ImportError> {
     let ticks = row.ticks.map(Option::unwrap_or_default);
     let ranges_m: Vec<Option<f64>> =
         row.readings.iter().map(|reading| Some(*reading).filter(|reading| !reading.is_nan())).collect();
     let has_readings = ranges_m.iter().any(Option::is_some);
     recorder.advance(row.t_s);
+    wheels.row(row.line, recorder.at(), ticks);
     match is_end {
         _ if !has_readings && is_end != Some(true) => recorder.encoders(ticks)?,
         Some(is_end) => recorder.part(ticks, &ranges_m, is_end)?,

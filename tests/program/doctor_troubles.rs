@@ -1,0 +1,104 @@
+//! `slamd doctor` on boards with the mistakes of firmware that others wrote: each is named, none is taken for another.
+
+#![allow(clippy::unwrap_used, reason = "a test may")]
+
+use slamd::doctor::{Examination, Finding, Level, Report};
+use slamd_core::{Config, Timestamp};
+use slamd_testkit::odd_board::{OddBoard, Oddity};
+
+fn examine(oddity: Oddity, seconds: u64) -> Report {
+    let mut examination = Examination::new(&Config::default(), 115_200, "test");
+    OddBoard::new(oddity).run(seconds, |now_us, said| {
+        let now = Timestamp::from_us(now_us);
+        if !said.is_empty() {
+            examination.received(now, said);
+        }
+        examination.run_until(now);
+        let frames = examination.take_transmit();
+        for frame in &frames {
+            examination.sent(now, frame);
+        }
+        frames.concat()
+    });
+    examination.report()
+}
+
+/// The findings that say something is wrong, by id.
+fn wrong(report: &Report) -> Vec<&Finding> {
+    report.findings.iter().filter(|finding| finding.level >= Level::Warning).collect()
+}
+
+/// This finding with these words and remedy, and no other warning or problem but those in `also`.
+#[track_caller]
+fn assert_only(report: &Report, id: &str, [text, fix]: [&str; 2], also: &[&str]) {
+    let wrong = wrong(report);
+    let found = wrong.iter().find(|finding| finding.id == id).unwrap_or_else(|| panic!("no {id} in:\n{report}"));
+    assert!(found.text.contains(text) && found.fix.as_ref().unwrap().contains(fix), "{found}");
+    let others = wrong.iter().filter(|finding| finding.id != id && !also.contains(&finding.id)).count();
+    assert_eq!(others, 0, "\n{report}");
+}
+
+#[test]
+fn a_board_without_mistakes_has_no_finding() {
+    let report = examine(Oddity::None, 20);
+    assert_eq!(wrong(&report).len(), 0, "\n{report}");
+}
+
+#[test]
+fn counts_that_no_wheel_can_make_are_named_and_left_out() {
+    let path = |report: &Report| {
+        let ahead = report.findings.iter().find(|finding| finding.id == "wheels.ahead").unwrap();
+        ahead.text.rsplit(' ').nth(1).unwrap().parse::<f64>().unwrap()
+    };
+    // 38 s at 0.3 m/s.
+    let report = examine(Oddity::Wraps, 40);
+    assert_only(&report, "wheels.counts", ["wraps at 16 bits", "32 bits"], &[]);
+    assert!((path(&report) - 11.4).abs() < 0.15, "\n{report}");
+    let report = examine(Oddity::StartsAnew, 20);
+    assert_only(&report, "wheels.counts", ["the counters start anew", "resets the encoders' counters"], &[]);
+    assert!((path(&report) - 5.4).abs() < 0.15, "\n{report}");
+    let report = examine(Oddity::Scale(4), 20);
+    assert_only(&report, "wheels.counts", ["above robot.max_speed_m_s", "robot.ticks_per_turn"], &[]);
+}
+
+#[test]
+fn clocks_are_named_and_not_taken_for_slots_or_the_supply() {
+    let report = examine(Oddity::Milliseconds, 20);
+    assert_only(&report, "clock.stamps", ["counts milliseconds", "micros()"], &[]);
+    let report = examine(Oddity::RunsBack, 30);
+    assert_only(&report, "clock.stamps", ["clock runs backwards", "counter of microseconds"], &[]);
+}
+
+#[test]
+fn prints_are_quoted_and_the_cable_is_not_blamed() {
+    let report = examine(Oddity::Prints, 20);
+    assert_only(
+        &report,
+        "line.text",
+        ["times readable text between frames: `dist=23 cm`", "as LOG"],
+        &["sensors.rate"],
+    );
+}
+
+#[test]
+fn boards_that_give_no_sweep_are_named() {
+    let report = examine(Oddity::Mute, 20);
+    assert_only(&report, "line.board", ["does not say who it is (no HELLO)", "its RX"], &[]);
+    let report = examine(Oddity::Ids, 20);
+    assert_only(&report, "sensors.ids", ["echoes of sensor 100", "as GEOMETRY does"], &[]);
+    let report = examine(Oddity::Bearings, 20);
+    assert_only(&report, "line.content", ["bearing_cdeg of GEOMETRY", "protocol/README.md"], &["sensors.silent"]);
+    assert!(wrong(&report).iter().any(|finding| finding.id == "sensors.silent"), "\n{report}");
+}
+
+#[test]
+fn air_groups_and_crosstalk_are_named() {
+    assert_only(&examine(Oddity::Air(8_000), 20), "sensors.temperature", ["80.0 degrees", "check the sensor"], &[]);
+    assert_only(&examine(Oddity::Overlap, 20), "sensors.groups", ["groups overlap", "once per cycle"], &[]);
+    assert_only(
+        &examine(Oddity::Crosstalk, 30),
+        "sensors.crosstalk",
+        ["always measure the same", "different groups"],
+        &[],
+    );
+}
