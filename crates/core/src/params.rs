@@ -1,6 +1,6 @@
 //! The constants of all stages of the default method.
 
-use crate::{align, fault, localize, mapping, orientation, position, wall_slam};
+use crate::{align, fault, localize, mapping, orientation, position, robot_model, wall_slam};
 
 /// The constants of all stages of the default method. [`Pipeline::with_params`](crate::Pipeline::with_params) runs with other ones.
 ///
@@ -12,6 +12,7 @@ use crate::{align, fault, localize, mapping, orientation, position, wall_slam};
 /// | `position` | [`PositionParams`](position::params::Params) | EKF-SLAM: data association, landmarks, relocalization |
 /// | `mapping` | [`MappingParams`](mapping::params::Params) | the occupancy grid and the inverse sensor model |
 /// | `wall_slam` | [`WallSlamParams`](wall_slam::params::Params) | how the default method joins the four stages above, and its modes |
+/// | `robot_model` | [`RobotModelParams`](robot_model::params::Params) | when the robot is not what its configuration says |
 /// | `localize` | [`LocalizeParams`](localize::params::Params) | the search for the robot in a known map |
 ///
 /// Each of them has a table: value, unit, how the value was chosen, and what breaks when it is wrong. Values are not checked: a run with
@@ -43,6 +44,8 @@ pub struct Params {
     pub mapping: mapping::params::Params,
     /// The default method.
     pub wall_slam: wall_slam::params::Params,
+    /// Check of the robot against the walls.
+    pub robot_model: robot_model::params::Params,
     /// Localization in a known map.
     pub localize: localize::params::Params,
 }
@@ -65,6 +68,7 @@ mod tests {
             ("fault", include_str!("fault/params.rs")),
             ("mapping", include_str!("mapping/params.rs")),
             ("wall_slam", include_str!("wall_slam/params.rs")),
+            ("robot_model", include_str!("robot_model/params.rs")),
             ("localize", include_str!("localize/params.rs")),
         ] {
             let [rows, fields] = names(source);

@@ -26,5 +26,6 @@ pub use crate::position::params::{
     BeamParams, FilterParams, InactiveParams, InitializerParams, MonitorParams, Params as PositionParams,
     RelocalizeParams, SlamParams, WhitenessParams,
 };
+pub use crate::robot_model::params::Params as RobotModelParams;
 pub use crate::wall_slam::WallSlam;
 pub use crate::wall_slam::params::Params as WallSlamParams;

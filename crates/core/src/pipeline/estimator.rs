@@ -7,9 +7,9 @@ use crate::localize::Localizer;
 use crate::mapping::grid::MapChange;
 use crate::mapping::raster::Raster;
 use crate::params::Params;
+use crate::robot_model::CheckedSlam;
 use crate::saved_state::{InvalidState, SavedState};
 use crate::sweep::Sweep;
-use crate::wall_slam::WallSlam;
 
 /// What a run begins with.
 #[derive(Clone, Debug, Default)]
@@ -91,8 +91,8 @@ pub fn built_in(
         return Err(InvalidState("the paper's method is not in this program"));
     }
     Ok(match start {
-        Start::Fresh => Box::new(WallSlam::with_params(config, ring, params)),
-        Start::Resume(state) => Box::new(WallSlam::resume_with_params(config, ring, state, params)?),
+        Start::Fresh => Box::new(CheckedSlam::new(config, ring, params)),
+        Start::Resume(state) => Box::new(CheckedSlam::resume(config, ring, state, params)?),
         Start::Localize(state) => Box::new(Localizer::with_params(config, ring, state, params)?),
     })
 }

@@ -1,0 +1,248 @@
+//! Searches for a robot under which the walls are sharper than under the believed one.
+//!
+//! A few alternatives per sweep are laid out over the window of the latest metres, so the search costs a bounded time per sweep and
+//! never ends. A round is over when each alternative had its turn. Its best one, refined, adds `ln(ratio) - ln(fits_ratio)` to the
+//! evidence. Enough evidence makes it a suspect; the window is emptied, and returns that the first finding has not seen must confirm it.
+
+use super::concentration::Concentration;
+use super::hypothesis::RobotModel;
+use super::params::Params;
+use super::window::Window;
+use crate::geometry::{Ring, wrap_angle};
+use crate::sweep::Sweep;
+use std::f64::consts::{PI, TAU};
+
+/// What the walls say of the believed robot.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Verdict {
+    /// There are too few returns since the last answer.
+    Open,
+    /// No other robot makes the walls sharper.
+    Fits,
+    /// Another one does, so far.
+    Suspected,
+    /// This one does.
+    Found(RobotModel),
+}
+
+/// The check of the believed robot.
+#[derive(Clone, Debug)]
+pub(super) struct ModelCheck {
+    params: Params,
+    configured: Ring,
+    base_m: f64,
+    window: Window,
+    concentration: Concentration,
+    /// The ring of the hypothesis at hand.
+    ring: Ring,
+    /// The next alternative, and the best of this round with the log of its ratio to the believed one.
+    next: usize,
+    best: Option<(f64, RobotModel)>,
+    evidence: f64,
+    /// The robot to be confirmed, and the log of its ratio when it was found.
+    suspect: Option<(RobotModel, f64)>,
+    /// Rounds in which the believed robot fitted.
+    fitting_rounds: u32,
+    sweeps: u64,
+}
+
+impl ModelCheck {
+    pub(super) fn new(configured: &Ring, base_m: f64, params: &Params) -> Self {
+        Self {
+            params: *params,
+            configured: configured.clone(),
+            base_m,
+            window: Window::new(params),
+            concentration: Concentration::new(),
+            ring: configured.clone(),
+            next: 0,
+            best: None,
+            evidence: 0.0,
+            suspect: None,
+            fitting_rounds: 0,
+            sweeps: 0,
+        }
+    }
+
+    /// Forgets the window: the robot was moved, or the believed one has changed.
+    pub(super) fn clear(&mut self) {
+        self.window.clear();
+        (self.next, self.best, self.evidence, self.suspect) = (0, None, 0.0, None);
+    }
+
+    /// Takes a sweep of the configured robot, and goes on with the search.
+    pub(super) fn update(
+        &mut self,
+        sweep: &Sweep,
+        believed: &RobotModel,
+        is_trusted: impl Fn(usize) -> bool,
+    ) -> Verdict {
+        let has_moved = self.window.add(sweep, &self.configured, self.base_m, is_trusted, &self.params);
+        if !has_moved || self.window.len() < self.params.first_keys {
+            return Verdict::Open;
+        }
+        match self.suspect {
+            Some((suspect, log_ratio)) => self.confirm(believed, suspect, log_ratio),
+            None => self.search(believed),
+        }
+    }
+
+    /// Tries the next alternatives; at the end of a round, weighs the best.
+    fn search(&mut self, believed: &RobotModel) -> Verdict {
+        self.sweeps += 1;
+        let is_known = self.fitting_rounds >= self.params.known_rounds;
+        if is_known && self.evidence <= 0.0 && !self.sweeps.is_multiple_of(self.params.known_every_sweeps) {
+            return Verdict::Open;
+        }
+        let steps = if is_known && self.evidence <= 0.0 { self.params.steps_known } else { self.params.steps_new };
+        let reference = self.log_score(believed, believed);
+        for _ in 0..steps {
+            let Some(alternative) = alternative(believed, self.next) else { return self.weigh(believed) };
+            self.next += 1;
+            let log_ratio = self.log_score(&alternative, believed) - reference;
+            if self.best.is_none_or(|(best, _)| log_ratio > best) {
+                self.best = Some((log_ratio, alternative));
+            }
+        }
+        Verdict::Open
+    }
+
+    /// Adds the evidence of a round.
+    fn weigh(&mut self, believed: &RobotModel) -> Verdict {
+        self.next = 0;
+        let Some((_, best)) = self.best.take() else { return Verdict::Open };
+        let (log_ratio, refined) = self.refine(best, believed);
+        let excess = log_ratio - libm::log(self.params.fits_ratio);
+        self.evidence = (self.params.decay * self.evidence + excess).max(0.0);
+        if self.evidence <= 0.0 {
+            self.fitting_rounds += 1;
+            return Verdict::Fits;
+        }
+        let is_known = self.fitting_rounds >= self.params.known_rounds;
+        let caution = if is_known { self.params.known_caution } else { 1.0 };
+        if self.evidence < caution * self.params.suspect_evidence || refined.distance(believed) < 1.0 {
+            return Verdict::Open;
+        }
+        self.suspect = Some((refined, log_ratio));
+        self.window.clear();
+        Verdict::Suspected
+    }
+
+    /// Lays out returns that the suspect was not found with.
+    fn confirm(&mut self, believed: &RobotModel, suspect: RobotModel, found_log_ratio: f64) -> Verdict {
+        let (log_ratio, refined) = self.refine(suspect, believed);
+        let min_log_ratio = (self.params.confirm_share * found_log_ratio).max(libm::log(self.params.fits_ratio));
+        let is_full = self.window.len() >= self.params.max_keys;
+        if log_ratio > min_log_ratio && refined.distance(&suspect) < self.params.same_model {
+            if !is_full && self.has_two_causes(believed, &refined) {
+                return Verdict::Open;
+            }
+            self.clear();
+            self.fitting_rounds = 0;
+            return Verdict::Found(refined);
+        }
+        if !is_full {
+            return Verdict::Open;
+        }
+        (self.suspect, self.evidence) = (None, 0.0);
+        Verdict::Fits
+    }
+
+    /// True while another scale of travel is found and the returns do not tell yet whether turning has it, too.
+    fn has_two_causes(&mut self, believed: &RobotModel, found: &RobotModel) -> bool {
+        let travel = found.travel / believed.travel;
+        if (1.0 / SAME_SCALE..SAME_SCALE).contains(&travel) {
+            return false;
+        }
+        let with_turn = self.score(&RobotModel { turn: believed.turn * travel.abs(), ..*found });
+        let without = self.score(&RobotModel { turn: believed.turn, ..*found });
+        libm::log(with_turn / without).abs() < libm::log(self.params.same_cause_ratio)
+    }
+
+    /// Climbs from a robot to the nearest one that makes the walls sharpest; the log of its ratio to the believed one.
+    fn refine(&mut self, from: RobotModel, believed: &RobotModel) -> (f64, RobotModel) {
+        let reference = self.log_score(believed, believed);
+        let (mut top, mut best) = (self.log_score(&from, believed), from);
+        for step in [0.1, 0.05, 0.02] {
+            for _ in 0..3 {
+                let before = top;
+                for neighbour in neighbours(&best, step) {
+                    let score = self.log_score(&neighbour, believed);
+                    if score > top {
+                        (top, best) = (score, neighbour);
+                    }
+                }
+                if top <= before {
+                    break;
+                }
+            }
+        }
+        (top - reference, best)
+    }
+
+    /// The log of [`Self::score`], less for a robot that is far from the believed one; −∞ for an impossible robot.
+    fn log_score(&mut self, model: &RobotModel, believed: &RobotModel) -> f64 {
+        let apart = |a: f64, b: f64| libm::log((a / b).abs()).abs();
+        let factor = apart(model.travel, 1.0).max(apart(model.turn, 1.0));
+        if factor > libm::log(self.params.max_factor) {
+            return f64::NEG_INFINITY;
+        }
+        let change = apart(model.travel, believed.travel).max(apart(model.turn, believed.turn));
+        libm::log(self.score(model)) - self.params.factor_penalty * change
+    }
+
+    /// How sharp the walls of the window are for a robot.
+    fn score(&mut self, model: &RobotModel) -> f64 {
+        let Self { window, concentration, ring, configured, params, .. } = self;
+        model.turn_ring(configured, ring);
+        concentration.clear();
+        window.for_each_arc(model, ring, |arc| concentration.add(arc, params));
+        concentration.value()
+    }
+}
+
+/// Factors by which hobbyists are wrong: from a fourth (edges for pulses) to four, in steps that the refinement bridges.
+const FACTORS: [f64; 16] =
+    [0.25, 0.3, 0.35, 0.42, 0.5, 0.6, 0.71, 0.84, 1.19, 1.41, 1.68, 2.0, 2.38, 2.83, 3.36, 4.0];
+/// A factor of travel that is none.
+const SAME_SCALE: f64 = 1.1;
+/// Rotations of a ring that are tried in a full turn.
+const ROTATIONS: usize = 24;
+
+/// The alternatives to a robot, one after another: both scales, turning alone, travel alone, signs, rotations of the ring.
+fn alternative(believed: &RobotModel, index: usize) -> Option<RobotModel> {
+    let RobotModel { travel, turn, ring_rad } = *believed;
+    let scales = FACTORS.len();
+    Some(match index {
+        _ if index < scales => RobotModel { travel: travel * FACTORS[index], turn: turn * FACTORS[index], ring_rad },
+        _ if index < 2 * scales => RobotModel { turn: turn * FACTORS[index - scales], ..*believed },
+        _ if index < 3 * scales => RobotModel { travel: travel * FACTORS[index - 2 * scales], ..*believed },
+        _ => match index - 3 * scales {
+            0 => RobotModel { turn: -turn, ..*believed },
+            1 => RobotModel { travel: -travel, turn: -turn, ring_rad },
+            step if step - 1 < ROTATIONS => {
+                let turned_rad = (step - 1) as f64 * TAU / ROTATIONS as f64;
+                RobotModel { ring_rad: wrap_angle(ring_rad + turned_rad), ..*believed }
+            }
+            _ => return None,
+        },
+    })
+}
+
+/// Robots a little beside another one.
+fn neighbours(model: &RobotModel, step: f64) -> [RobotModel; 8] {
+    let RobotModel { travel, turn, ring_rad } = *model;
+    let [more, less] = [1.0 + step, 1.0 / (1.0 + step)];
+    let scaled = |by_travel: f64, by_turn: f64| RobotModel { travel: travel * by_travel, turn: turn * by_turn, ring_rad };
+    let turned = |sign: f64| RobotModel { ring_rad: wrap_angle(ring_rad + sign * step * 0.2 * PI), ..*model };
+    [
+        scaled(more, more),
+        scaled(less, less),
+        scaled(more, 1.0),
+        scaled(less, 1.0),
+        scaled(1.0, more),
+        scaled(1.0, less),
+        turned(1.0),
+        turned(-1.0),
+    ]
+}

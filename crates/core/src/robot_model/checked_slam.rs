@@ -1,0 +1,267 @@
+//! The default method, with the robot itself checked against the walls.
+//!
+//! Every sweep goes to [`WallSlam`], as the believed robot made it, and to the check. If the check finds another robot and the drive's
+//! sweeps are still there, the map is begun anew with the robot found, from the first sweep on; otherwise the pose stays in doubt.
+
+use super::check::{ModelCheck, Verdict};
+use super::finding::{ModelEvent, ModelState};
+use super::history::History;
+use super::hypothesis::RobotModel;
+use super::naming;
+use crate::config::Config;
+use crate::event::{Calibration, Event, LocalizationChange, LocalizationEvent, SensorState};
+use crate::geometry::{Pose2, Ring, Segment};
+use crate::mapping::grid::MapChange;
+use crate::mapping::raster::Raster;
+use crate::params::Params;
+use crate::pipeline::Estimator;
+use crate::saved_state::{InvalidState, SavedState};
+use crate::sweep::Sweep;
+use crate::time::Timestamp;
+use crate::wall_slam::WallSlam;
+
+/// EKF-SLAM with walls, and the check of its robot.
+#[derive(Debug)]
+pub(crate) struct CheckedSlam {
+    config: Config,
+    ring: Ring,
+    params: Params,
+    slam: WallSlam,
+    model: RobotModel,
+    /// The pose by the wheels of the robot found.
+    odometry: Pose2,
+    /// The sweep as that robot made it.
+    corrected: Sweep,
+    check: ModelCheck,
+    history: History,
+    doubt: Doubt,
+    is_lost: bool,
+    /// Added to the map's revisions: the map before the last restart had fewer.
+    first_revision: u64,
+}
+
+/// Whether the poses are in doubt because of the robot.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Doubt {
+    None,
+    /// Until the check has an answer. Since then.
+    Open(Timestamp),
+    /// To the end: no correction is possible, or two robots explain the walls alike.
+    Lasting,
+}
+
+impl CheckedSlam {
+    pub(crate) fn new(config: &Config, ring: &Ring, params: &Params) -> Self {
+        let slam = WallSlam::with_params(config, ring, params);
+        Self::around(slam, config, ring, params, History::new(params.robot_model.max_history_sweeps))
+    }
+
+    /// Resumes in a saved building, as [`WallSlam::resume`].
+    pub(crate) fn resume(
+        config: &Config,
+        ring: &Ring,
+        state: &SavedState,
+        params: &Params,
+    ) -> Result<Self, InvalidState> {
+        let slam = WallSlam::resume_with_params(config, ring, state, params)?;
+        Ok(Self::around(slam, config, ring, params, History::new(0)))
+    }
+
+    fn around(slam: WallSlam, config: &Config, ring: &Ring, params: &Params, history: History) -> Self {
+        Self {
+            config: config.clone(),
+            ring: ring.clone(),
+            slam,
+            model: RobotModel::AS_CONFIGURED,
+            odometry: Pose2::default(),
+            corrected: Sweep::default(),
+            check: ModelCheck::new(ring, config.robot.wheel_base_m, &params.robot_model),
+            history,
+            doubt: Doubt::None,
+            is_lost: false,
+            first_revision: 0,
+            params: params.clone(),
+        }
+    }
+
+    /// The configured robot with all that was found and learnt of it so far.
+    fn believed(&self) -> RobotModel {
+        let learnt_base_m = self.slam.wheels().wheel_base_m;
+        RobotModel { turn: self.model.turn * self.config.robot.wheel_base_m / learnt_base_m, ..self.model }
+    }
+
+    /// Hands a sweep to the method, as the believed robot made it.
+    fn follow(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
+        if self.model == RobotModel::AS_CONFIGURED {
+            self.slam.update(sweep, events);
+            return;
+        }
+        self.corrected.clone_from(sweep);
+        self.model.correct(&mut self.corrected, &self.ring, self.config.robot.wheel_base_m, &mut self.odometry);
+        self.slam.update(&self.corrected, events);
+    }
+
+    /// Says what was found, and begins anew with it where that is possible.
+    fn adopt(&mut self, found: RobotModel, at: Timestamp, events: &mut Vec<Event>) {
+        let is_reversed = self.slam.reversed_encoders() != [false; 2];
+        let can_restart = self.history.whole().is_some() && !is_reversed;
+        let is_mirrored = found.turn * found.travel < 0.0 || found.travel < 0.0;
+        let state = if can_restart && !is_mirrored { ModelState::Corrected } else { ModelState::Doubted };
+        let since = Timestamp::default();
+        for finding in naming::findings(&self.config.robot, &found) {
+            events.push(Event::Model(ModelEvent { at, since, finding, state }));
+        }
+        if can_restart {
+            self.restart(found, events);
+        }
+        if state == ModelState::Doubted {
+            self.begin_doubt(at, "the robot is not what its configuration says", events);
+            self.doubt = Doubt::Lasting;
+        }
+    }
+
+    /// Processes the drive's sweeps again with another robot. Of the events, only those count that change what is known now.
+    fn restart(&mut self, found: RobotModel, events: &mut Vec<Event>) {
+        let before: Vec<SensorState> = self.slam.states().to_vec();
+        self.first_revision += self.slam.map_since(u64::MAX).map_or(0, |(_, newest)| newest) + 2;
+        self.model = found;
+        self.odometry = Pose2::default();
+        self.slam = WallSlam::with_params(&self.config, &found.ring(&self.ring), &self.params);
+        let history = std::mem::replace(&mut self.history, History::new(0));
+        let mut again = Vec::new();
+        for sweep in history.whole().unwrap_or_default() {
+            again.retain(|event| matches!(event, Event::Fault(_) | Event::Localization(_)));
+            self.follow(sweep, &mut again);
+        }
+        self.history = history;
+        let newest = again.iter().rposition(|event| matches!(event, Event::Estimate(_)));
+        self.is_lost = again.iter().rev().find_map(lost).unwrap_or(false);
+        let states = self.slam.states();
+        for (index, event) in again.into_iter().enumerate() {
+            let is_news = match &event {
+                Event::Fault(fault) => {
+                    states.get(fault.sensor) == Some(&fault.state) && before.get(fault.sensor) != Some(&fault.state)
+                }
+                Event::Estimate(_) => Some(index) == newest,
+                Event::Localization(_) => false,
+                _ => true,
+            };
+            if is_news {
+                events.push(event);
+            }
+        }
+    }
+
+    fn begin_doubt(&mut self, at: Timestamp, reason: &str, events: &mut Vec<Event>) {
+        let since = Timestamp::default();
+        if self.doubt == Doubt::None {
+            self.doubt = Doubt::Open(since);
+            events.push(doubted(at, since, reason));
+        }
+    }
+
+    fn end_doubt(&mut self, at: Timestamp, events: &mut Vec<Event>) {
+        if let Doubt::Open(since) = self.doubt {
+            self.doubt = Doubt::None;
+            if !self.is_lost {
+                events.push(Event::Localization(LocalizationEvent { at, since, change: LocalizationChange::Trusted }));
+            }
+        }
+    }
+}
+
+/// Reason of a doubt that the check has not confirmed yet.
+const SUSPECTED: &str = "the walls fit another robot better than the configured one; this is being checked";
+
+fn doubted(at: Timestamp, since: Timestamp, reason: &str) -> Event {
+    let change = LocalizationChange::Doubted { reason: reason.into() };
+    Event::Localization(LocalizationEvent { at, since, change })
+}
+
+fn lost(event: &Event) -> Option<bool> {
+    if let Event::Localization(event) = event { Some(event.is_lost()) } else { None }
+}
+
+impl Estimator for CheckedSlam {
+    fn update(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
+        self.history.push(sweep, self.params.wall_slam.axis_every_sweeps);
+        let earlier = events.len();
+        self.follow(sweep, events);
+        if let Some(is_lost) = events.iter().skip(earlier).rev().find_map(lost) {
+            // The window may lie before and after a kidnap.
+            if is_lost && !self.is_lost {
+                self.check.clear();
+            }
+            self.is_lost = is_lost;
+            if !is_lost && self.doubt != Doubt::None {
+                events.push(doubted(sweep.at, sweep.at, SUSPECTED));
+            }
+        }
+        let (believed, states) = (self.believed(), self.slam.states());
+        let is_trusted = |sensor: usize| states.get(sensor) == Some(&SensorState::Healthy);
+        match self.check.update(sweep, &believed, is_trusted) {
+            Verdict::Open => {}
+            // The filter has learnt what the check need not find.
+            Verdict::Fits if believed.distance(&self.model) > self.params.robot_model.learnt_distance => {
+                self.adopt(believed, sweep.at, events);
+            }
+            Verdict::Fits => self.end_doubt(sweep.at, events),
+            Verdict::Suspected => self.begin_doubt(sweep.at, SUSPECTED, events),
+            Verdict::Found(found) => self.adopt(found, sweep.at, events),
+        }
+    }
+
+    fn end(&mut self, events: &mut Vec<Event>) {
+        self.slam.end(events);
+    }
+
+    fn raster(&self) -> Raster {
+        self.slam.raster()
+    }
+
+    fn map_since(&self, revision: u64) -> Option<(MapChange, u64)> {
+        let (change, newest) = self.slam.map_since(revision.saturating_sub(self.first_revision))?;
+        // Who knows the map of the wrong robot needs the whole new one.
+        let is_stale = revision > 0 && revision < self.first_revision;
+        let change = if is_stale { MapChange::Whole(self.slam.raster()) } else { change };
+        Some((change, newest + self.first_revision))
+    }
+
+    fn states(&self) -> &[SensorState] {
+        self.slam.states()
+    }
+
+    fn verdict(&self, sensor: usize) -> crate::event::Verdict {
+        self.slam.verdict(sensor)
+    }
+
+    fn fault_evidence(&self, sensor: usize) -> (f64, f64) {
+        self.slam.fault_evidence(sensor)
+    }
+
+    fn segments(&self) -> Vec<Segment> {
+        self.slam.segments()
+    }
+
+    fn reversed_encoders(&self) -> [bool; 2] {
+        self.slam.reversed_encoders()
+    }
+
+    fn calibration(&self) -> Option<Calibration> {
+        let wheels = self.slam.wheels();
+        let base = (self.model.travel / self.model.turn).abs();
+        Some(Calibration {
+            wheel_base_m: wheels.wheel_base_m * base,
+            wheel_base_sigma_m: wheels.wheel_base_sigma_m * base,
+            ..wheels
+        })
+    }
+
+    fn saved_state(&self) -> Option<SavedState> {
+        self.slam.saved_state()
+    }
+
+    fn nis(&self) -> f64 {
+        Estimator::nis(&self.slam)
+    }
+}

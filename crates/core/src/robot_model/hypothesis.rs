@@ -1,0 +1,123 @@
+//! A robot as it may really be: how it moves when its wheels report a motion, and where its sensors point.
+
+use crate::geometry::{Placement, Pose2, Ring, sinc};
+use crate::sweep::Sweep;
+
+/// The difference between a robot and its configuration.
+///
+/// | symbol | meaning |
+/// |---|---|
+/// | travel | true over reported distance of the midpoint between the wheels; negative: backward |
+/// | turn | true over reported rotation; negative: the other way |
+/// | ring | rotation of the ring of sensors against the configured one (rad) |
+///
+/// Walls alone cannot tell a mirrored ring from swapped wheels: both have `turn = -1`, and their maps are mirror images.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct RobotModel {
+    /// True over reported distance.
+    pub(crate) travel: f64,
+    /// True over reported rotation.
+    pub(crate) turn: f64,
+    /// Rotation of the ring, radians.
+    pub(crate) ring_rad: f64,
+}
+
+impl Default for RobotModel {
+    fn default() -> Self {
+        Self::AS_CONFIGURED
+    }
+}
+
+impl RobotModel {
+    /// The robot of the configuration.
+    pub(crate) const AS_CONFIGURED: Self = Self { travel: 1.0, turn: 1.0, ring_rad: 0.0 };
+
+    /// The motion of this robot where the configured one would have moved by `ds_m` along an arc of `dtheta_rad`.
+    pub(super) fn moved(&self, ds_m: f64, dtheta_rad: f64) -> Pose2 {
+        let (ds_m, dtheta_rad) = (self.travel * ds_m, self.turn * dtheta_rad);
+        let (sin, cos) = libm::sincos(0.5 * dtheta_rad);
+        let chord_m = ds_m * sinc(0.5 * dtheta_rad);
+        Pose2::new(chord_m * cos, chord_m * sin, dtheta_rad)
+    }
+
+    /// A motion of the configured robot within a sweep, which is small, as this robot's.
+    pub(super) fn scaled(&self, moved: Pose2) -> Pose2 {
+        Pose2::new(self.travel * moved.x_m, self.travel * moved.y_m, self.turn * moved.theta_rad)
+    }
+
+    /// This robot's ring, where `configured` is the configured one.
+    pub(super) fn ring(&self, configured: &Ring) -> Ring {
+        let mut ring = configured.clone();
+        self.turn_ring(configured, &mut ring);
+        ring
+    }
+
+    /// The same into an existing ring of as many sensors.
+    pub(super) fn turn_ring(&self, configured: &Ring, into: &mut Ring) {
+        let turned = Placement::from(Pose2::new(0.0, 0.0, self.ring_rad));
+        for (mounting, own) in configured.mountings.iter().zip(&mut into.mountings) {
+            own.robot_from_sensor = turned * mounting.robot_from_sensor;
+        }
+    }
+
+    /// What this robot makes of a sweep of the configured one, whose wheels are `base_m` apart. `odometry` is its pose by the wheels
+    /// before the sweep, and after it.
+    pub(super) fn correct(&self, sweep: &mut Sweep, configured: &Ring, base_m: f64, odometry: &mut Pose2) {
+        let (ds_m, dtheta_rad) = motion(sweep, base_m);
+        let half_m = 0.5 * base_m * self.turn * dtheta_rad;
+        (sweep.left_m, sweep.right_m) = (self.travel * ds_m - half_m, self.travel * ds_m + half_m);
+        *odometry = *odometry * self.moved(ds_m, dtheta_rad);
+        sweep.odometry = *odometry;
+        let turned = Pose2::new(0.0, 0.0, self.ring_rad);
+        for (beam, mounting) in sweep.beams.iter_mut().zip(&configured.mountings) {
+            let moved = beam.robot_from_sensor * mounting.robot_from_sensor.inverse();
+            beam.robot_from_sensor = self.scaled(moved) * turned * mounting.robot_from_sensor;
+        }
+    }
+
+    /// How far two models lie apart: 1 is what the window of a check can tell with certainty.
+    pub(super) fn distance(&self, other: &Self) -> f64 {
+        let ratio = |a: f64, b: f64| if a * b > 0.0 { libm::log(a / b).abs() / 0.2 } else { 9.0 };
+        let turned_rad = crate::geometry::wrap_angle(self.ring_rad - other.ring_rad).abs();
+        ratio(self.travel, other.travel).max(ratio(self.turn, other.turn)).max(turned_rad / 0.25)
+    }
+}
+
+/// The reported distance (m) and rotation (rad) of a sweep.
+pub(super) fn motion(sweep: &Sweep, base_m: f64) -> (f64, f64) {
+    (0.5 * (sweep.left_m + sweep.right_m), (sweep.right_m - sweep.left_m) / base_m)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_configured_robot_leaves_a_sweep_as_it_is() {
+        let ring = Ring::circle(8, 0.1, 0.2, 2);
+        let beam = |mounting: &crate::geometry::Mounting| crate::sweep::Beam {
+            range_m: 1.0,
+            no_measurement: None,
+            age_s: 0.01,
+            robot_from_sensor: Pose2::new(-0.01, 0.002, 0.03) * mounting.robot_from_sensor,
+            half_angle_rad: 0.2,
+        };
+        let beams = ring.mountings.iter().map(beam).collect();
+        let sweep = Sweep { beams, left_m: 0.02, right_m: 0.03, ..Sweep::default() };
+        let (mut same, mut odometry) = (sweep.clone(), Pose2::default());
+        RobotModel::AS_CONFIGURED.correct(&mut same, &ring, 0.26, &mut odometry);
+        assert!((same.left_m - sweep.left_m).abs() < 1e-12 && (same.right_m - sweep.right_m).abs() < 1e-12);
+        for (a, b) in same.beams.iter().zip(&sweep.beams) {
+            assert!((a.robot_from_sensor.position() - b.robot_from_sensor.position()).norm() < 1e-12);
+        }
+        assert!((odometry.x_m - 0.025).abs() < 1e-4 && (odometry.theta_rad - 0.01 / 0.26).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_turned_ring_turns_the_sensors_and_not_the_way() {
+        let model = RobotModel { ring_rad: 0.5, ..RobotModel::default() };
+        let ring = model.ring(&Ring::circle(4, 0.1, 0.2, 1));
+        assert!((ring.mountings[0].robot_from_sensor.theta_rad - 0.5).abs() < 1e-12);
+        assert!((model.moved(0.1, 0.0).x_m - 0.1).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,93 @@
+//! The constants of the check of the robot against the walls.
+
+use crate::geometry::degrees;
+
+/// Constants of `robot_model`.
+///
+/// "Homes 1-60" are drives through random homes (`cargo xtask never-silent`).
+///
+/// | name | value | unit | how chosen | what breaks when it is wrong |
+/// |---|---|---|---|---|
+/// | `max_keys` | 96 | sweeps | by design: 2.4 m at 0.25 m/s and 10 Hz | Too small: two hypotheses look alike. Too large: drift blurs the walls of the right one |
+/// | `min_keys` | 16 | sweeps | by design: less than a metre at 2 Hz | Too small: chance decides. Too large: a wrong robot is named late |
+/// | `first_keys` | 24 | sweeps | as `min_keys` | As `min_keys` |
+/// | `returns_per_key` | 8 | returns | measured: 16 tell the same robots apart | Too small: chance decides. Too large: time is wasted |
+/// | `min_step_m` | 0.01 | m | by design: below half of a sweep's travel at walking pace | Too small: a standing robot fills the window. Too large: four times too few ticks fill it slowly |
+/// | `rim_m` | 0.15 | m | by design: radius of a usual ring | Too small: turning fills the window slowly. Too large: the window holds little travel |
+/// | `max_path_m` | 8.0 | m | by design: wheels drift by 2 % | Too small: little is seen at low rates. Too large: drift blurs walls |
+/// | `point_incidence_rad` | 35 | degrees | by design: as far off its normal as a wall is seen | Too small: point beams find no wall |
+/// | `rho_step_m` | 0.05 | m | by design: twice the noise of a reading | Too small: noise spreads votes. Too large: scales look alike |
+/// | `steps_new` | 8 | hypotheses per sweep | by design: a round takes a second until the robot is known | Too small: a wrong robot is named late. Too large: time is wasted |
+/// | `steps_known` | 1 | hypotheses | by design | As `steps_new` |
+/// | `known_every_sweeps` | 4 | sweeps | by design: a few per cent of a sweep's time | As `steps_new` |
+/// | `known_rounds` | 6 | rounds | by design: some 5 m | Too small: the search becomes slow before a wrong robot shows. Too large: time is wasted |
+/// | `fits_ratio` | 1.1 | 1 | homes 1-60: nineteen of twenty windows of a right robot lie below | Too small: false alarms. Too large: small differences are not seen |
+/// | `suspect_evidence` | 0.3 | nat | as `fits_ratio` | Too small: doubts without a cause. Too large: a wrong robot is silent for longer |
+/// | `decay` | 0.85 | 1 per round | as `fits_ratio` | Too small: weak evidence never adds up. Too large: old evidence lasts |
+/// | `confirm_share` | 0.5 | 1 | homes 1-60: of the log ratio that raised the suspicion | Too small: false alarms. Too large: small differences are never named |
+/// | `same_cause_ratio` | 1.06 | 1 | by design: below, turning has not told two causes apart | Too small: the wrong key is named. Too large: naming waits for a turn |
+/// | `same_model` | 2.5 | 1 | by design: half a factor | Too small: a confirmation that differs a little is refused |
+/// | `max_factor` | 5.0 | 1 | by design: edges for pulses is a factor of 4 | Too small: a wrong robot is not found. Too large: an empty corridor, which shows no travel, proves any |
+/// | `factor_penalty` | 0.1 | nat per e-fold | by design: a compressed layout is a little sharper by itself | Too small: an empty corridor stops the robot. Too large: wrong scales are found late |
+/// | `known_caution` | 3.0 | 1 | by design: a robot that fitted for metres does not change | Too small: slip becomes a lasting doubt. Too large: a late change is never named |
+/// | `learnt_distance` | 0.8 | 1 | by design: a base that is off by a sixth | Too small: a good map is begun anew for little. Too large: the map keeps what was drawn before the base was learnt |
+/// | `max_history_sweeps` | 600 | sweeps | by design: a minute at 10 Hz | Too small: a wrong robot is named but not corrected. Too large: memory, and the time of a restart |
+#[expect(missing_docs, reason = "the table describes each field")]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Params {
+    pub max_keys: usize,
+    pub min_keys: usize,
+    pub first_keys: usize,
+    pub returns_per_key: usize,
+    pub min_step_m: f64,
+    pub rim_m: f64,
+    pub max_path_m: f64,
+    pub point_incidence_rad: f64,
+    pub rho_step_m: f64,
+    pub steps_new: usize,
+    pub steps_known: usize,
+    pub known_every_sweeps: u64,
+    pub known_rounds: u32,
+    pub fits_ratio: f64,
+    pub suspect_evidence: f64,
+    pub decay: f64,
+    pub confirm_share: f64,
+    pub same_cause_ratio: f64,
+    pub same_model: f64,
+    pub max_factor: f64,
+    pub factor_penalty: f64,
+    pub known_caution: f64,
+    pub learnt_distance: f64,
+    pub max_history_sweeps: usize,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self {
+            max_keys: 96,
+            min_keys: 16,
+            first_keys: 24,
+            returns_per_key: 8,
+            min_step_m: 0.01,
+            rim_m: 0.15,
+            max_path_m: 8.0,
+            point_incidence_rad: degrees(35.0),
+            rho_step_m: 0.05,
+            steps_new: 8,
+            steps_known: 1,
+            known_every_sweeps: 4,
+            known_rounds: 6,
+            fits_ratio: 1.1,
+            suspect_evidence: 0.3,
+            decay: 0.85,
+            confirm_share: 0.5,
+            same_cause_ratio: 1.06,
+            same_model: 2.5,
+            max_factor: 5.0,
+            factor_penalty: 0.1,
+            known_caution: 3.0,
+            learnt_distance: 0.8,
+            max_history_sweeps: 600,
+        }
+    }
+}

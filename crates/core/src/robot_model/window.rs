@@ -1,0 +1,160 @@
+//! The returns of the robot's latest metres, as the configured robot reports them.
+
+use super::concentration::Arc;
+use super::hypothesis::{RobotModel, motion};
+use super::params::Params;
+use crate::geometry::{Placement, Pose2, Ring};
+use crate::sweep::Sweep;
+use std::collections::VecDeque;
+
+/// The latest sweeps in which the robot moved.
+#[derive(Clone, Debug)]
+pub(super) struct Window {
+    keys: VecDeque<Key>,
+    returns: VecDeque<Return>,
+    /// The reported motion since the last key.
+    ds_m: f64,
+    dtheta_rad: f64,
+    /// Path of all keys, metres; a rotation counts as the way of the ring's rim.
+    path_m: f64,
+    next_sensor: usize,
+}
+
+/// One sweep of the window.
+#[derive(Clone, Copy, Debug)]
+struct Key {
+    ds_m: f64,
+    dtheta_rad: f64,
+    path_m: f64,
+    returns: usize,
+}
+
+/// One return: its sensor, how the configured robot had moved at its ping, and the range.
+#[derive(Clone, Copy, Debug)]
+struct Return {
+    sensor: usize,
+    moved: Pose2,
+    range_m: f64,
+}
+
+impl Window {
+    pub(super) fn new(params: &Params) -> Self {
+        Self {
+            keys: VecDeque::with_capacity(params.max_keys + 1),
+            returns: VecDeque::with_capacity((params.max_keys + 1) * params.returns_per_key),
+            ds_m: 0.0,
+            dtheta_rad: 0.0,
+            path_m: 0.0,
+            next_sensor: 0,
+        }
+    }
+
+    /// The sweeps held.
+    pub(super) fn len(&self) -> usize {
+        self.keys.len()
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.keys.clear();
+        self.returns.clear();
+        (self.ds_m, self.dtheta_rad, self.path_m) = (0.0, 0.0, 0.0);
+    }
+
+    /// Adds a sweep of the configured robot if it has moved since the last one. True if it was added.
+    pub(super) fn add(
+        &mut self,
+        sweep: &Sweep,
+        configured: &Ring,
+        base_m: f64,
+        is_trusted: impl Fn(usize) -> bool,
+        params: &Params,
+    ) -> bool {
+        let (ds_m, dtheta_rad) = motion(sweep, base_m);
+        (self.ds_m, self.dtheta_rad) = (self.ds_m + ds_m, self.dtheta_rad + dtheta_rad);
+        let path_m = self.ds_m.abs() + params.rim_m * self.dtheta_rad.abs();
+        if path_m < params.min_step_m {
+            return false;
+        }
+        // The sensors take turns, so that a large ring costs no more than a small one.
+        let (before, sensors) = (self.returns.len(), sweep.beams.len());
+        for offset in 0..sensors {
+            let sensor = (self.next_sensor + offset) % sensors;
+            if self.returns.len() - before == params.returns_per_key {
+                self.next_sensor = sensor;
+                break;
+            }
+            let (Some(beam), Some(mounting)) = (sweep.beams.get(sensor), configured.mountings.get(sensor)) else { break };
+            if beam.has_range() && is_trusted(sensor) {
+                let moved = beam.robot_from_sensor * mounting.robot_from_sensor.inverse();
+                self.returns.push_back(Return { sensor, moved, range_m: beam.range_m });
+            }
+        }
+        let returns = self.returns.len() - before;
+        self.keys.push_back(Key { ds_m: self.ds_m, dtheta_rad: self.dtheta_rad, path_m, returns });
+        self.path_m += path_m;
+        (self.ds_m, self.dtheta_rad) = (0.0, 0.0);
+        let is_long = |window: &Self| window.path_m > params.max_path_m && window.len() > params.min_keys;
+        while self.len() > params.max_keys || is_long(self) {
+            let Some(oldest) = self.keys.pop_front() else { break };
+            self.path_m -= oldest.path_m;
+            self.returns.drain(..oldest.returns);
+        }
+        true
+    }
+
+    /// All returns as a robot lays them out, in the frame of its oldest pose. `ring` is that robot's.
+    pub(super) fn for_each_arc(&self, model: &RobotModel, ring: &Ring, mut each: impl FnMut(Arc)) {
+        let mut at = Placement::from(Pose2::default());
+        let mut returns = self.returns.iter();
+        for (index, key) in self.keys.iter().enumerate() {
+            if index > 0 {
+                at = Placement::from(at * model.moved(key.ds_m, key.dtheta_rad));
+            }
+            for a_return in returns.by_ref().take(key.returns) {
+                let Some(mounting) = ring.mountings.get(a_return.sensor) else { continue };
+                let robot = Placement::from(at * model.scaled(a_return.moved));
+                each(Arc {
+                    sensor: robot * mounting.robot_from_sensor,
+                    half_angle_rad: mounting.half_angle_rad,
+                    range_m: a_return.range_m,
+                });
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sweep::Beam;
+
+    fn sweep(ring: &Ring, step_m: f64) -> Sweep {
+        let beam = |mounting: &crate::geometry::Mounting| Beam {
+            range_m: 1.0,
+            no_measurement: None,
+            age_s: 0.0,
+            robot_from_sensor: mounting.robot_from_sensor,
+            half_angle_rad: 0.2,
+        };
+        Sweep { beams: ring.mountings.iter().map(beam).collect(), left_m: step_m, right_m: step_m, ..Sweep::default() }
+    }
+
+    #[test]
+    fn a_window_holds_the_latest_metres_and_scales_them_by_the_model() {
+        let (params, ring) = (Params::default(), Ring::circle(32, 0.1, 0.2, 1));
+        let mut window = Window::new(&params);
+        assert!(!window.add(&sweep(&ring, 0.0), &ring, 0.26, |_| true, &params), "a standing robot adds nothing");
+        for _ in 0..1000 {
+            window.add(&sweep(&ring, 0.02), &ring, 0.26, |_| true, &params);
+        }
+        assert!(window.len() <= params.max_keys && window.path_m <= params.max_path_m);
+        let model = RobotModel { travel: 0.5, ..RobotModel::AS_CONFIGURED };
+        let (mut farthest_m, mut sensors) = (0.0_f64, std::collections::BTreeSet::new());
+        window.for_each_arc(&model, &ring, |arc| {
+            farthest_m = farthest_m.max(arc.sensor.x_m);
+            sensors.insert((arc.sensor.theta_rad * 1e3) as i64);
+        });
+        assert!((farthest_m - 0.1 - 0.5 * 0.02 * (window.len() - 1) as f64).abs() < 0.02, "{farthest_m}");
+        assert_eq!(sensors.len(), 32, "all sensors take their turn");
+    }
+}
