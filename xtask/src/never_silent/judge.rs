@@ -72,7 +72,7 @@ pub(super) fn judge(case: &Case, trace: &Trace) -> Verdict {
         // Without a single pose nothing is wrong, and nothing is right.
         return Verdict { nees: f64::NAN, scale: f64::NAN, ..Verdict::default() };
     };
-    let sweeps = sweeps(&trace.pairs, &trace.localization);
+    let sweeps = sweeps(trace);
     let odometry_frame = first.truth * first.estimate.odometry.inverse();
     let last = trace.pairs.last().unwrap_or(first);
     let odometry = (odometry_frame * last.estimate.odometry).position();
@@ -97,15 +97,22 @@ pub(super) fn judge(case: &Case, trace: &Trace) -> Verdict {
     }
 }
 
-/// The sweeps of a drive in the map frame.
-fn sweeps(pairs: &[Pair<Estimate>], localization: &[LocalizationEvent]) -> Vec<Sweep> {
+/// The sweeps of a drive in the map frame. A corrected robot begins its map anew from the same start, along another wall perhaps: then
+/// the first pose after it selects one of the four rotations again.
+fn sweeps(trace: &Trace) -> Vec<Sweep> {
+    let Trace { pairs, localization, model } = trace;
     let Some(first) = pairs.first() else { return Vec::new() };
-    let map_from_world = building_frame(first).inverse();
+    let mut map_from_world = building_frame(first).inverse();
+    let mut corrections = model.iter().filter(|event| event.state == ModelState::Corrected).peekable();
     let (mut driven_m, mut before) = (0.0, first.truth);
     let sweep = |pair: &Pair<Estimate>| {
         let step_m = (pair.truth.position() - before.position()).norm();
         driven_m += if step_m < CARRIED_M { step_m } else { 0.0 };
         before = pair.truth;
+        while corrections.next_if(|event| event.at <= pair.at).is_some() {
+            let turn_rad = building_frame(pair).theta_rad;
+            map_from_world = Pose2::new(first.truth.x_m, first.truth.y_m, turn_rad).inverse();
+        }
         let (pose, truth, cov) = (pair.estimate.pose, map_from_world * pair.truth, pair.estimate.covariance);
         let error = error(pose, truth);
         let (mean, half) = (0.5 * (cov[(0, 0)] + cov[(1, 1)]), 0.5 * (cov[(0, 0)] - cov[(1, 1)]));
