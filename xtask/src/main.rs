@@ -6,6 +6,7 @@
 mod fuzz;
 mod kill;
 mod localize;
+mod never_silent;
 mod reliability;
 mod replug;
 mod seeds;
@@ -33,6 +34,7 @@ enum Task {
     Soak(soak::Options),
     SensorFaults(sensor_faults::Options),
     Localize(localize::Options),
+    NeverSilent(never_silent::Options),
     Reliability(reliability::Options),
 }
 
@@ -66,6 +68,7 @@ fn main() {
         Task::Simulation(options) => simulation::run(&options),
         Task::SensorFaults(options) => sensor_faults::run(&options),
         Task::Localize(options) => localize::run(&options),
+        Task::NeverSilent(options) => never_silent::run(&options),
         Task::Reliability(options) => reliability::run(&options),
     }
 }
