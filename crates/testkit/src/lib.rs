@@ -9,6 +9,7 @@
 pub mod broken;
 pub mod known_building;
 pub mod lattice;
+pub mod plain_drive;
 pub mod promises;
 pub mod python;
 

@@ -23,6 +23,10 @@ pub struct Params {
     pub monitor: MonitorParams,
     /// Whiteness of heading innovations.
     pub whiteness: WhitenessParams,
+    /// The noise of a reading.
+    pub noise: NoiseParams,
+    /// Agreement of walls and wheels.
+    pub agreement: AgreementParams,
     /// Global search of a lost robot.
     pub relocalize: RelocalizeParams,
 }
@@ -303,7 +307,9 @@ impl Default for WhitenessParams {
     }
 }
 
+pub use super::range_noise::NoiseParams;
 pub use super::relocalize::RelocalizeParams;
+pub use super::wheel_agreement::AgreementParams;
 
 /// Differences between the tables and the defaults of a source: each row's value must stand in its struct's `Default`.
 #[cfg(test)]
@@ -337,7 +343,9 @@ mod tests {
     #[test]
     fn each_table_tells_the_defaults() {
         assert_eq!(table_errors(include_str!("params.rs")), Vec::<String>::new());
+        assert_eq!(table_errors(include_str!("range_noise.rs")), Vec::<String>::new());
         assert_eq!(table_errors(include_str!("relocalize.rs")), Vec::<String>::new());
+        assert_eq!(table_errors(include_str!("wheel_agreement.rs")), Vec::<String>::new());
         let wrong = include_str!("params.rs").replace("gate_sigma: 2.2", "gate_sigma: 2.3");
         assert_eq!(table_errors(&wrong), ["gate_sigma: 2.2"]);
     }

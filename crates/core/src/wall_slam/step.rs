@@ -88,6 +88,7 @@ impl Predicted {
         debug_assert_eq!(self.sweep, sweep.index, "the prediction of another sweep");
         self.robot.ekf.correct(sweep, permit.is_some(), |sensor| stages.detector.is_trusted(sensor));
         stages.check_heading(&mut self.robot.ekf, sweep);
+        stages.learn_errors(&self.robot.ekf);
         Corrected { robot: self.robot, sweep }
     }
 }
