@@ -8,15 +8,19 @@ use slamd_core::Config;
 use slamd_sim::encoder::EncoderFault;
 use slamd_sim::fault::{FaultMix, SensorFault};
 use slamd_sim::link::LinkFaults;
+use slamd_sim::robot_fault::RobotFault;
 use slamd_sim::simulation::{SimConfig, Simulation, session};
 use slamd_sim::sonar::BeamShape;
 use slamd_sim::world::World;
 use std::path::{Path, PathBuf};
 
+/// With fewer sensors a warning is given.
+const FEW_SENSORS: u8 = 4;
+
 #[derive(Debug, Args)]
 #[command(group(ArgGroup::new("to").required(true).args(["capture", "pty"])))]
 pub(super) struct SimulateArgs {
-    /// A built-in world (flat, office, furnished, home, room) or a TOML file.
+    /// A built-in world (flat, office, furnished, home, room), random (each seed another home) or a TOML file.
     #[arg(long, default_value = "flat")]
     world: String,
     /// Seed of all random numbers.
@@ -34,6 +38,14 @@ pub(super) struct SimulateArgs {
     /// A wheel encoder's fault: left or right, dead or reversed.
     #[arg(long, value_name = "WHEEL:KIND@TIME[-TIME]")]
     encoder_fault: Vec<EncoderFault>,
+    /// A difference between the robot and its configuration, or hands that move it; give it several times for several.
+    ///
+    /// wheel-radius=FACTOR, ticks=FACTOR, base=FACTOR: true over configured value; wheels-swapped, wheels-reversed;
+    /// ring-mirrored: numbered clockwise; ring-rotated=DEGREES; range-unit=FACTOR|one-way|cm: reported over true range;
+    /// range-noise=METRES; kidnap[=lifted]@TIME: carried elsewhere; push=METRES@TIME: sideways;
+    /// spin[=left|right|both]@TIME[-TIME]: wheels turn in place. For example base=1.6, kidnap@60s, push=0.3@45s.
+    #[arg(long, value_name = "KIND[=VALUE][@TIME[-TIME]]")]
+    robot_fault: Vec<RobotFault>,
     /// Shape of the beams: cone or point.
     #[arg(long, default_value = "cone")]
     beam: BeamShape,
@@ -80,8 +92,11 @@ impl SimulateArgs {
             );
             return Err(Failure::new(Kind::Usage, text));
         }
+        if self.sensors < FEW_SENSORS {
+            tracing::warn!("--sensors {}: too few to localize a robot; a ring has {FEW_SENSORS} to 76", self.sensors);
+        }
         let simulation = Simulation::new(SimConfig {
-            world: world(&self.world)?,
+            world: world(&self.world, self.seed)?,
             seed: self.seed,
             duration_s: self.duration,
             mix: self.faults,
@@ -93,7 +108,8 @@ impl SimulateArgs {
             link: LinkFaults { bit_flips: self.bit_errors, drops: self.byte_drops, insertions: self.byte_insertions },
         })
         .with_misfits(self.range_bias, self.bearing_offset.to_radians())
-        .with_encoder_faults(self.encoder_fault.clone());
+        .with_encoder_faults(self.encoder_fault.clone())
+        .with_robot_faults(&self.robot_fault);
         match (&self.capture, &self.pty) {
             (Some(path), _) => self.write(simulation, path),
             (None, Some(name)) => pty::serve(simulation, name)
@@ -109,8 +125,13 @@ impl SimulateArgs {
             config_toml: Config::default().to_toml(),
             unix_zero_us: None,
             notes: format!(
-                "slamd simulate --world {} --seed {} --duration {} --range-bias {} --bearing-offset {}",
-                self.world, self.seed, self.duration, self.range_bias, self.bearing_offset
+                "slamd simulate --world {} --seed {} --duration {} --range-bias {} --bearing-offset {}{}",
+                self.world,
+                self.seed,
+                self.duration,
+                self.range_bias,
+                self.bearing_offset,
+                self.robot_fault.iter().map(|fault| format!(" --robot-fault {fault}")).collect::<String>()
             ),
             faults: Some(simulation.faults().iter().map(ToString::to_string).collect()),
         };
@@ -128,8 +149,8 @@ impl SimulateArgs {
 }
 
 /// Loads a built-in world or a world file.
-fn world(name: &str) -> Result<World, Failure> {
-    if let Some(world) = World::named(name) {
+fn world(name: &str, seed: u64) -> Result<World, Failure> {
+    if let Some(world) = World::for_seed(name, seed) {
         return Ok(world);
     }
     let path = Path::new(name);
@@ -137,7 +158,7 @@ fn world(name: &str) -> Result<World, Failure> {
         let known = World::BUILT_IN.join(", ");
         return Err(Failure::new(
             Kind::Usage,
-            format!("there is no world \"{name}\"; there are {known}, and files FILE.toml"),
+            format!("there is no world \"{name}\"; there are {known}, {}, and files FILE.toml", World::RANDOM),
         ));
     }
     let text = std::fs::read_to_string(path)

@@ -23,6 +23,12 @@ const MARGIN_M: f64 = 0.03;
 const CANDIDATES: usize = 40;
 /// Every cell within this distance of the robot counts as visited, metres.
 const VISIT_M: f64 = 0.7;
+/// A robot that moved less than this for [`STANDS_S`] looks for another way, metres and seconds. Only in a
+/// home: nothing else moves.
+const STANDS_M: f64 = 0.05;
+const STANDS_S: f64 = 4.0;
+/// Minimum distance between the body and what moves, metres.
+const MOVING_MARGIN_M: f64 = 0.08;
 /// Seconds after which the driver gives up a goal.
 const PATIENCE_S: f64 = 120.0;
 
@@ -36,6 +42,8 @@ pub struct Explorer {
     route: Vec<Point>,
     next: usize,
     chosen_s: f64,
+    /// Where and when the robot last moved.
+    moved: (Point, f64),
     random: Random,
 }
 
@@ -45,7 +53,13 @@ impl Explorer {
     pub fn new(world: &World, random: Random) -> Self {
         let grid = RouteGrid::new(world);
         let visited_s = vec![-1.0; grid.len()];
-        Self { grid, visited_s, route: Vec::new(), next: 0, chosen_s: 0.0, random }
+        Self { grid, visited_s, route: Vec::new(), next: 0, chosen_s: 0.0, moved: (world.start, 0.0), random }
+    }
+
+    /// Gives up the current goal, as after the robot was carried away.
+    pub fn forget(&mut self) {
+        self.route.clear();
+        self.next = 0;
     }
 
     /// The command for the next [`PERIOD_S`], given the true pose at `now_s` seconds.
@@ -56,10 +70,20 @@ impl Explorer {
             self.next += 1;
         }
         let arrived = self.route.last().is_none_or(|&goal| (goal - here).norm() < 0.15);
-        if arrived || now_s > self.chosen_s + PATIENCE_S {
-            self.choose(here, now_s);
+        if arrived || now_s > self.chosen_s + PATIENCE_S || self.stands(world, here, now_s) {
+            self.choose(world, here, now_s);
         }
         self.route.get(self.next).map_or_else(Twist::default, |&aim| drive(world, world_from_robot, aim))
+    }
+
+    /// True if something in a home has kept the robot from moving.
+    fn stands(&mut self, world: &World, here: Point, now_s: f64) -> bool {
+        let is_moving = (here - self.moved.0).norm() > STANDS_M;
+        let stands = now_s > self.moved.1 + STANDS_S;
+        if is_moving || stands {
+            self.moved = (here, now_s);
+        }
+        world.home.is_some() && stands && !is_moving
     }
 
     /// True if the body can move straight from `here` to `aim`, at most [`LOOK_AHEAD_M`] away.
@@ -82,8 +106,11 @@ impl Explorer {
 
     /// Picks the next goal among random cells: the nearest that was never visited, or else the one
     /// with the oldest visit.
-    fn choose(&mut self, here: Point, now_s: f64) {
-        let routes = self.grid.routes(here);
+    fn choose(&mut self, world: &World, here: Point, now_s: f64) {
+        let routes = match world.home {
+            Some(_) => self.grid.with_moving(world).routes(here),
+            None => self.grid.routes(here),
+        };
         let mut best: Option<((i64, u32), usize)> = None;
         for _ in 0..CANDIDATES {
             let cell = self.random.below(self.grid.len());
@@ -113,8 +140,19 @@ fn drive(world: &World, world_from_robot: Pose2, aim: Point) -> Twist {
     // The poses that the robot reaches before it can stop.
     let blocked =
         [0.05, 0.1].iter().any(|&way_m| world.clearance(world_from_robot.ahead(way_m)) < BODY_RADIUS_M + MARGIN_M);
-    let forward_m_s = if blocked && off_rad.abs() > 0.1 { 0.0 } else { CRUISE_M_S * share };
+    let is_held = is_held(world, world_from_robot);
+    let forward_m_s = if is_held || blocked && off_rad.abs() > 0.1 { 0.0 } else { CRUISE_M_S * share };
     Twist { forward_m_s, turn_rad_s }
+}
+
+/// True if the robot would come too near a door leaf or a person.
+fn is_held(world: &World, world_from_robot: Pose2) -> bool {
+    let here_m = world.moving_clearance(world_from_robot.position());
+    here_m < 1.0
+        && [0.05, 0.1, 0.2].iter().any(|&way_m| {
+            let there_m = world.moving_clearance(world_from_robot.ahead(way_m));
+            there_m < BODY_RADIUS_M + MOVING_MARGIN_M && there_m < here_m
+        })
 }
 
 #[cfg(test)]

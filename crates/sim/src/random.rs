@@ -27,6 +27,14 @@ pub enum Stream {
     Link,
     /// The sensors' calibration errors.
     Mounting,
+    /// A random home.
+    Home,
+    /// What moves in it.
+    Life,
+    /// Ghosts, crosstalk and weak echoes in it.
+    Acoustics,
+    /// Faults of the robot, and hands that move it.
+    RobotFault,
 }
 
 /// One stream of random numbers.

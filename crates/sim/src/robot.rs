@@ -1,6 +1,7 @@
 //! The true robot: a differential drive whose sizes differ from the drawing, and two encoders that
 //! do not see slip.
 
+use super::home::Grip;
 use super::random::Random;
 use slamd_core::Pose2;
 use std::f64::consts::TAU;
@@ -44,6 +45,10 @@ pub struct Robot {
     /// True radius of the left and the right wheel, metres.
     radius_m: [f64; 2],
     base_m: f64,
+    /// Radius, base and ticks per turn that the driver knows.
+    known_radius_m: f64,
+    known_base_m: f64,
+    ticks_per_turn: f64,
     slip_m: f64,
     twist: Twist,
     /// Pose and wheel angles at the beginning of the current step, and the wheels' motion in it.
@@ -72,6 +77,9 @@ impl Robot {
         Self {
             radius_m: [1.0 + mismatch, 1.0 - mismatch].map(|scale| scale * NOMINAL_WHEEL_RADIUS_M),
             base_m: NOMINAL_WHEEL_BASE_M * (1.0 + base_error),
+            known_radius_m: NOMINAL_WHEEL_RADIUS_M,
+            known_base_m: NOMINAL_WHEEL_BASE_M,
+            ticks_per_turn: f64::from(TICKS_PER_TURN),
             slip_m: SLIP_M * odometry_errors,
             twist: Twist::default(),
             world_from_robot,
@@ -79,6 +87,26 @@ impl Robot {
             step: WheelStep::default(),
             random,
         }
+    }
+
+    /// The same robot with other wheels, base and encoders: factors on what the drawing says. The driver knows them.
+    #[must_use]
+    pub fn scaled(mut self, radius: f64, base: f64, ticks: f64) -> Self {
+        self.radius_m = self.radius_m.map(|radius_m| radius_m * radius);
+        self.base_m *= base;
+        self.known_radius_m *= radius;
+        self.known_base_m *= base;
+        self.ticks_per_turn *= ticks;
+        self
+    }
+
+    /// Puts the robot at rest at another pose. The wheels do not turn.
+    pub fn carry(&mut self, world_from_robot: Pose2) {
+        (self.world_from_robot, self.twist) = (world_from_robot, Twist::default());
+        for (turned, turn) in self.turned_rad.iter_mut().zip(self.step.turns_rad) {
+            *turned += turn;
+        }
+        self.step = WheelStep::default();
     }
 
     /// True radii of the left and the right wheel and the true base, metres.
@@ -90,6 +118,11 @@ impl Robot {
     /// Ends the current step and begins the next, in which the wheels follow `command` within the
     /// maximum acceleration.
     pub fn step(&mut self, command: Twist) {
+        self.step_on(command, Grip::FULL);
+    }
+
+    /// The same on a floor with this grip.
+    pub fn step_on(&mut self, command: Twist, grip: Grip) {
         self.world_from_robot = self.pose(1.0);
         for (turned, turn) in self.turned_rad.iter_mut().zip(self.step.turns_rad) {
             *turned += turn;
@@ -97,12 +130,17 @@ impl Robot {
         let follow = |now: f64, wanted: f64, max: f64| now + (wanted - now).clamp(-max * STEP_S, max * STEP_S);
         self.twist.forward_m_s = follow(self.twist.forward_m_s, command.forward_m_s, ACCELERATION);
         self.twist.turn_rad_s = follow(self.twist.turn_rad_s, command.turn_rad_s, TURN_ACCELERATION);
-        let half = 0.5 * NOMINAL_WHEEL_BASE_M * self.twist.turn_rad_s;
+        let half = 0.5 * self.known_base_m * self.twist.turn_rad_s;
         let speeds = [self.twist.forward_m_s - half, self.twist.forward_m_s + half];
-        self.step.turns_rad = speeds.map(|speed| speed * STEP_S / NOMINAL_WHEEL_RADIUS_M);
+        self.step.turns_rad = speeds.map(|speed| speed * STEP_S / self.known_radius_m);
         for wheel in 0..2 {
             let way_m = self.step.turns_rad[wheel] * self.radius_m[wheel];
             self.step.rolls_m[wheel] = way_m + self.slip_m * way_m.abs().sqrt() * self.random.normal();
+        }
+        if grip != Grip::FULL {
+            let [left_m, right_m] = [0, 1].map(|wheel| if grip.spins[wheel] { 0.0 } else { self.step.rolls_m[wheel] });
+            let (way_m, half_m) = (0.5 * (left_m + right_m) * grip.forward, 0.5 * (right_m - left_m) * grip.turn);
+            self.step.rolls_m = [way_m - half_m, way_m + half_m];
         }
     }
 
@@ -119,7 +157,7 @@ impl Robot {
     pub fn ticks(&self, share: f64) -> [i32; 2] {
         [0, 1].map(|wheel| {
             let angle_rad = self.turned_rad[wheel] + share * self.step.turns_rad[wheel];
-            libm::floor(angle_rad / TAU * f64::from(TICKS_PER_TURN)) as i32
+            libm::floor(angle_rad / TAU * self.ticks_per_turn) as i32
         })
     }
 }

@@ -31,7 +31,7 @@ pub struct Routes {
 }
 
 impl RouteGrid {
-    /// Computes the clearance of every cell of `world`.
+    /// Computes the clearance of every cell of `world` from what does not move.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "worlds reach at most 100 m")]
     pub fn new(world: &World) -> Self {
@@ -39,7 +39,7 @@ impl RouteGrid {
         let cells = |from: f64, to: f64| ((to - from) / CELL_M).ceil().max(1.0) as usize;
         let (width, height) = (cells(origin.x, end.x), cells(origin.y, end.y));
         let mut grid = Self { origin, width, height, clearance_m: Vec::new() };
-        grid.clearance_m = (0..width * height).map(|cell| world.clearance(grid.middle(cell))).collect();
+        grid.clearance_m = (0..width * height).map(|cell| world.fixed_clearance(grid.middle(cell))).collect();
         grid
     }
 
@@ -68,6 +68,16 @@ impl RouteGrid {
     pub fn cell(&self, point: Point) -> usize {
         let index = |offset: f64, count: usize| (offset / CELL_M).clamp(0.0, (count - 1) as f64) as usize;
         index(point.y - self.origin.y, self.height) * self.width + index(point.x - self.origin.x, self.width)
+    }
+
+    /// The same grid with the door leaves and people of `world` where they are now.
+    #[must_use]
+    pub fn with_moving(&self, world: &World) -> Self {
+        let mut grid = self.clone();
+        for (cell, clearance_m) in grid.clearance_m.iter_mut().enumerate() {
+            *clearance_m = clearance_m.min(world.moving_clearance(self.middle(cell)));
+        }
+        grid
     }
 
     /// The routes from `start`, which counts as free.

@@ -4,10 +4,12 @@ use super::board::{Board, SLOT_US};
 use super::encoder::{EncoderFault, Encoders};
 use super::explore::Explorer;
 use super::fault::{FaultMix, Faults, Reading, SensorFault};
+use super::home::{Grip, Life, Noise, echo};
 use super::link::{Link, LinkFaults};
 use super::misfit::Misfit;
 use super::random::{Random, Stream};
 use super::robot::{Robot, STEP_S, STEP_US, Twist};
+use super::robot_fault::{Act, Hands, Misbuilt, RobotFault};
 use super::sonar::{BeamShape, reading};
 use super::world::World;
 use slamd_capture::Record;
@@ -66,7 +68,12 @@ pub struct Simulation {
     robot: Robot,
     explorer: Explorer,
     sonar_noise: Random,
+    /// What moves in a random home, and what disturbs its readings.
+    life: Option<(Life, Noise)>,
     misfits: Vec<Misfit>,
+    misbuilt: Misbuilt,
+    hands: Hands,
+    is_lifted: bool,
     seed: u64,
     faults: Faults,
     encoders: Encoders,
@@ -97,7 +104,14 @@ impl Simulation {
             robot: Robot::new(start, config.odometry_errors, random(Stream::Robot)),
             explorer: Explorer::new(&config.world, random(Stream::Explore)),
             sonar_noise: random(Stream::Sonar),
+            life: config.world.home.as_ref().map(|home| {
+                let life = Life::new(&config.world, home, random(Stream::Life));
+                (life, Noise::new(random(Stream::Acoustics)))
+            }),
             misfits: vec![Misfit::default(); usize::from(config.sensors)],
+            misbuilt: Misbuilt::new(&[], random(Stream::RobotFault)),
+            hands: Hands::new(&[], random(Stream::RobotFault)),
+            is_lifted: false,
             seed: config.seed,
             faults: Faults::new(schedule, config.sensors, fault_random),
             encoders: Encoders::default(),
@@ -133,6 +147,17 @@ impl Simulation {
         self
     }
 
+    /// The same session with a robot that differs from its configuration, or that hands move.
+    #[must_use]
+    pub fn with_robot_faults(mut self, faults: &[RobotFault]) -> Self {
+        let mut random = Random::new(self.seed, Stream::RobotFault);
+        let of_hands = Random::new(random.bits(), Stream::RobotFault);
+        self.misbuilt = Misbuilt::new(faults, random);
+        self.hands = Hands::new(faults, of_hands);
+        self.robot = self.robot.scaled(self.misbuilt.radius, self.misbuilt.base, self.misbuilt.ticks);
+        self
+    }
+
     /// The true calibration errors, by sensor id.
     #[must_use]
     pub fn misfits(&self) -> &[Misfit] {
@@ -163,7 +188,8 @@ impl Simulation {
     pub fn restart_board(&mut self) {
         let at = Timestamp::from_us(self.now_us);
         (self.command, self.streaming_since_us, self.ready) = (Twist::default(), None, None);
-        let hello = self.board.restart(at, self.encoders.counts(at.seconds(), self.robot.ticks(0.0)));
+        let ticks = self.ticks(at);
+        let hello = self.board.restart(at, ticks);
         self.link.send(at, &hello);
     }
 
@@ -206,7 +232,8 @@ impl Simulation {
                 self.fire(at, since_us / SLOT_US);
             }
             if since_us.is_multiple_of(ENCODER_US) {
-                let frame = self.board.encoders(at, self.encoders.counts(at.seconds(), self.robot.ticks(0.0)));
+                let ticks = self.ticks(at);
+                let frame = self.board.encoders(at, ticks);
                 self.link.send(at, &frame);
             }
             if since_us.is_multiple_of(STATUS_US) {
@@ -214,8 +241,41 @@ impl Simulation {
                 self.link.send(at, &frame);
             }
         }
-        self.robot.step(self.command);
+        let grip = self.live(at);
+        self.handle(at);
+        self.robot.step_on(self.command, grip);
         self.now_us += STEP_US;
+    }
+
+    /// The counts that reach the board.
+    fn ticks(&mut self, at: Timestamp) -> [i32; 2] {
+        self.encoders.counts(at.seconds(), self.misbuilt.counts(self.robot.ticks(0.0)))
+    }
+
+    /// Moves the doors and people of a home; the grip of the floor under the robot.
+    fn live(&mut self, at: Timestamp) -> Grip {
+        let robot = self.robot.pose(0.0).position();
+        let grip = match (&mut self.life, &mut self.world.home) {
+            (Some((life, _)), Some(home)) => {
+                life.step(home, robot, at.seconds(), STEP_S);
+                home.grip(robot, at.seconds())
+            }
+            _ => Grip::FULL,
+        };
+        self.misbuilt.spins(at.seconds()).map_or(grip, |spins| Grip { spins, ..grip })
+    }
+
+    /// Lets the hands hold or carry the robot.
+    fn handle(&mut self, at: Timestamp) {
+        let act = self.hands.step(&self.world, self.robot.pose(0.0), at.seconds());
+        self.is_lifted = act == Act::Hold { is_lifted: true };
+        if act != Act::Free {
+            self.command = Twist::default();
+        }
+        if let Act::Carry(pose) = act {
+            self.robot.carry(pose);
+            self.explorer.forget();
+        }
     }
 
     /// Fires one group. Its message is sent when the slot is over.
@@ -223,26 +283,52 @@ impl Simulation {
         let groups = u64::from(self.board.ring().mountings.iter().map(|m| m.group).max().unwrap_or(0)) + 1;
         let group = u8::try_from(slot % groups).unwrap_or(0);
         let is_last = slot % groups == groups - 1;
-        let mut readings: Vec<(u8, Reading)> = Vec::new();
-        for (sensor, mounting) in (0u8..).zip(&self.board.ring().mountings) {
-            if mounting.group != group {
-                continue;
-            }
-            let misfit = self.misfits[usize::from(sensor)];
-            let robot_from_true_sensor = misfit.turned(mounting.robot_from_sensor);
-            let distance =
-                |share: f64| self.beam.distance(&self.world, self.robot.pose(share) * robot_from_true_sensor);
-            // The sound reaches the surface half a flight after the trigger.
-            let true_m = distance(0.0).and_then(|m| distance(m / SOUND_M_S / STEP_S));
-            let read_m = misfit.read(reading(true_m, &mut self.sonar_noise));
-            readings.push((sensor, self.faults.apply(sensor, at.seconds(), read_m)));
-        }
-        let ticks = self.encoders.counts(at.seconds(), self.robot.ticks(0.0));
+        let readings = self.listen(at, group);
+        let ticks = self.ticks(at);
         let frame = self.board.sonar(at, group, is_last, ticks, &readings);
         self.ready = Some((at.us() + SLOT_US - STEP_US, frame));
         if is_last {
             self.truths.push_back((at, self.robot.pose(0.0)));
         }
+    }
+}
+
+impl Simulation {
+    /// What the sensors of a group read.
+    fn listen(&mut self, at: Timestamp, group: u8) -> Vec<(u8, Reading)> {
+        let mountings = (0u8..).zip(&self.board.ring().mountings).filter(|(_, mounting)| mounting.group == group);
+        let poses: Vec<(u8, Pose2)> = mountings
+            .map(|(sensor, mounting)| {
+                let built = self.misbuilt.mounted(mounting.robot_from_sensor);
+                (sensor, self.misfits[usize::from(sensor)].turned(built))
+            })
+            .collect();
+        // The sound reaches the surface half a flight after the trigger.
+        let distances_m: Vec<Option<f64>> = match (&self.world.home, &mut self.life) {
+            (Some(home), Some((_, noise))) => {
+                let heard = |pose: Pose2| {
+                    let echo = |share: f64| echo(self.beam, &self.world, home, self.robot.pose(share) * pose);
+                    echo(0.0).and_then(|first| echo(first.distance_m / SOUND_M_S / STEP_S))
+                };
+                let group: Vec<_> = poses.iter().map(|&(_, pose)| heard(pose)).collect();
+                (0..group.len()).map(|index| noise.distance_m(home, &group, index)).collect()
+            }
+            _ => {
+                let heard = |pose: Pose2| {
+                    let distance = |share: f64| self.beam.distance(&self.world, self.robot.pose(share) * pose);
+                    distance(0.0).and_then(|m| distance(m / SOUND_M_S / STEP_S))
+                };
+                poses.iter().map(|&(_, pose)| heard(pose)).collect()
+            }
+        };
+        let read = |((sensor, _), true_m): ((u8, Pose2), Option<f64>)| {
+            let misfit = self.misfits[usize::from(sensor)];
+            let heard_m = misfit.read(reading(true_m, &mut self.sonar_noise));
+            let heard_m = if self.is_lifted { self.hands.nonsense() } else { heard_m };
+            let read_m = self.misbuilt.reported(heard_m);
+            (sensor, self.faults.apply(sensor, at.seconds(), read_m))
+        };
+        poses.into_iter().zip(distances_m).map(read).collect()
     }
 }
 

@@ -19,9 +19,9 @@ pub const NOISE_M: f64 = 0.02;
 /// Half the opening angle of a cone beam, radians.
 pub const CONE_HALF_ANGLE_RAD: f64 = 12.5 / 180.0 * std::f64::consts::PI;
 /// Cosine of the maximum incidence at which a wall returns sound: 30 degrees.
-const COS_MAX_INCIDENCE: f64 = 0.866_025_403_784_438_6;
+pub(crate) const COS_MAX_INCIDENCE: f64 = 0.866_025_403_784_438_6;
 /// Number of rays on each side of the cone's axis.
-const FAN: i32 = 5;
+pub(crate) const FAN: i32 = 5;
 
 /// The shape of the beams.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -87,7 +87,7 @@ pub fn reading(distance_m: Option<f64>, random: &mut Random) -> Option<f64> {
     (read_m <= MAX_RANGE_M).then_some(read_m)
 }
 
-fn heading(angle_rad: f64) -> Vector2<f64> {
+pub(crate) fn heading(angle_rad: f64) -> Vector2<f64> {
     let (sin, cos) = libm::sincos(angle_rad);
     Vector2::new(cos, sin)
 }

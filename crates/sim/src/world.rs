@@ -1,5 +1,6 @@
 //! The true world: surfaces as line segments, and ray casting.
 
+use super::home::{Disc, Home};
 use nalgebra::Vector2;
 use slamd_core::Point;
 
@@ -85,6 +86,8 @@ pub struct World {
     pub start: Point,
     /// Start heading, radians; random if absent.
     pub start_heading_rad: Option<f64>,
+    /// What a random home has beyond its surfaces; absent in other worlds.
+    pub home: Option<Box<Home>>,
 }
 
 impl World {
@@ -92,13 +95,37 @@ impl World {
     #[must_use]
     pub fn new(name: &str, segments: Vec<Segment>, start: Point, start_heading_rad: Option<f64>) -> Self {
         let corners = corners(&segments);
-        Self { name: name.into(), segments, corners, start, start_heading_rad }
+        Self { name: name.into(), segments, corners, start, start_heading_rad, home: None }
     }
 
     /// Metres from `point` to the nearest surface; ∞ in a world without any.
     #[must_use]
     pub fn clearance(&self, point: Point) -> f64 {
-        self.segments.iter().map(|segment| segment.distance(point)).fold(f64::INFINITY, f64::min)
+        self.fixed_clearance(point).min(self.moving_clearance(point))
+    }
+
+    /// Metres from `point` to the nearest surface that does not move; ∞ if there is none.
+    #[must_use]
+    pub fn fixed_clearance(&self, point: Point) -> f64 {
+        let walls_m = self.segments.iter().map(|segment| segment.distance(point)).fold(f64::INFINITY, f64::min);
+        self.home.as_ref().map_or(walls_m, |home| walls_m.min(home.fixed_clearance(point)))
+    }
+
+    /// Metres from `point` to the nearest door leaf or person; ∞ if there is none.
+    #[must_use]
+    pub fn moving_clearance(&self, point: Point) -> f64 {
+        self.home.as_ref().map_or(f64::INFINITY, |home| home.moving_clearance(point))
+    }
+
+    /// Every fixed surface as straight pieces; round things as octagons.
+    #[must_use]
+    pub fn outlines(&self) -> Vec<Segment> {
+        let mut pieces = self.segments.clone();
+        if let Some(home) = &self.home {
+            pieces.extend(&home.soft);
+            pieces.extend(home.discs.iter().flat_map(Disc::octagon));
+        }
+        pieces
     }
 
     /// The lower left and the upper right corner of the bounding box of all surfaces and the start.

@@ -9,7 +9,7 @@ use std::path::Path;
 /// One row: every seed drives under these conditions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
-    /// A built-in world or a TOML file.
+    /// A built-in world, `random` (another home for each seed) or a TOML file.
     pub world: String,
     /// The beams' shape.
     pub beam: BeamShape,
@@ -118,16 +118,17 @@ impl Case {
         }
     }
 
-    /// The world itself.
+    /// The world of a seed's drive: the same for all seeds, except `random`.
     ///
     /// # Errors
     /// Where it is neither built in nor a readable world file.
-    pub fn load_world(&self) -> Result<World, String> {
-        if let Some(world) = World::named(&self.world) {
+    pub fn load_world(&self, seed: u64) -> Result<World, String> {
+        if let Some(world) = World::for_seed(&self.world, seed) {
             return Ok(world);
         }
-        let text = std::fs::read_to_string(Path::new(&self.world))
-            .map_err(|error| format!("world {}: {error}; built in are {}", self.world, World::BUILT_IN.join(", ")))?;
+        let text = std::fs::read_to_string(Path::new(&self.world)).map_err(|error| {
+            format!("world {}: {error}; built in are {}, random", self.world, World::BUILT_IN.join(", "))
+        })?;
         World::from_toml(&self.world, &text).map_err(|error| error.to_string())
     }
 
@@ -195,6 +196,10 @@ const ISSUE: &[&[(&str, &str)]] = &[
     &[("faults", "late")],
     &[("world", "office"), ("faults", "late")],
     &[("world", "furnished"), ("faults", "late")],
+    &[("world", "random"), ("faults", "none")],
+    &[("world", "random"), ("faults", "none"), ("sensors", "16")],
+    &[("world", "random"), ("faults", "none"), ("sensors", "8")],
+    &[("world", "random")],
 ];
 
 #[cfg(test)]
@@ -233,6 +238,6 @@ mod tests {
         for text in ["flat", "wheels=3", "beam=laser", "sensors=0", "odometry=much"] {
             assert!(text.parse::<Choice>().is_err(), "{text}");
         }
-        assert!(Case { world: "moon".into(), ..Case::usual() }.load_world().unwrap_err().contains("moon"));
+        assert!(Case { world: "moon".into(), ..Case::usual() }.load_world(1).unwrap_err().contains("moon"));
     }
 }

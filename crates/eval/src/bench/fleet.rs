@@ -14,7 +14,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// # Panics
 /// Where a drive does.
 pub fn drive_all(cases: &[Case], seeds: &[u64], done: impl Fn(&Case, &Run) + Sync) -> Result<Vec<Vec<Run>>, String> {
-    let worlds: Vec<World> = cases.iter().map(Case::load_world).collect::<Result<_, _>>()?;
+    // A file that cannot be read is an error before the first drive.
+    let first = seeds.first().copied().unwrap_or_default();
+    let worlds: Vec<World> = cases.iter().map(|case| case.load_world(first)).collect::<Result<_, _>>()?;
     let next = AtomicUsize::new(0);
     let runs: Vec<Mutex<Vec<Run>>> = cases.iter().map(|_| Mutex::new(Vec::new())).collect();
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
@@ -29,7 +31,15 @@ pub fn drive_all(cases: &[Case], seeds: &[u64], done: impl Fn(&Case, &Run) + Syn
                         break;
                     };
                     let index = job / seeds.len();
-                    let run = run(case, &worlds[index], seed);
+                    let home;
+                    let world = match World::for_seed(&case.world, seed) {
+                        Some(world) => {
+                            home = world;
+                            &home
+                        }
+                        None => &worlds[index],
+                    };
+                    let run = run(case, world, seed);
                     done(case, &run);
                     runs[index].lock().expect("no drive panics").push(run);
                 }

@@ -46,14 +46,14 @@ pub fn page(seeds: &[u64], folder: &str, command: &str, done: impl Fn() + Sync) 
     let cases = cases();
     let runs = drive_all(&cases, seeds, |_, _| done()).map_err(io::Error::other)?;
     let room = figure_case("room");
-    let world = room.load_world().map_err(io::Error::other)?;
+    let world = room.load_world(FIGURE_SEED).map_err(io::Error::other)?;
     let (records, faults) = simulate(&room, &world, FIGURE_SEED);
     let (drive, _) = follow(&room, &world, &records, faults);
     let raw = drive.pipeline().ring().map(|ring| raw_map(&records, ring)).unwrap_or_default();
     let mut pictures = figures(&drive, raw)?;
 
     let home = figure_case("home");
-    let world = home.load_world().map_err(io::Error::other)?;
+    let world = home.load_world(FIGURE_SEED).map_err(io::Error::other)?;
     let (records, faults) = simulate(&home, &world, FIGURE_SEED);
     let (broken, _) = follow(&home, &world, &records, faults);
     pictures.push(("figure-6-breaks.png", to_png(&[map_plot("The same in the flat of 12 x 10 m", &broken)])?));

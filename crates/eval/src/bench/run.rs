@@ -152,7 +152,7 @@ pub fn follow(case: &Case, world: &World, records: &[Record], faults: Vec<TrueFa
         nis: (0.0, 0.0),
         sweeps_us: Vec::new(),
     };
-    let walls = world.segments.iter().map(|segment| [segment.from, segment.to]).collect();
+    let walls = world.outlines().iter().map(|segment| [segment.from, segment.to]).collect();
     let mut map = MapMeter::new(walls, MAX_RANGE_M);
     let mut pairing = Pairing::default();
     let mut rest = records;

@@ -6,6 +6,7 @@ use super::table::pooled;
 use slamd_metrics::quantile;
 use slamd_sim::fault::FaultMix;
 use slamd_sim::sonar::BeamShape;
+use slamd_sim::world::World;
 use std::fmt::Write as _;
 
 type Row<'a> = (&'a Case, &'a [Run]);
@@ -89,9 +90,10 @@ fn of_row((case, runs): Row<'_>) -> Vec<Target> {
     found
 }
 
-/// The conditions of the general targets: cone beams, the paper's faults, 32 sensors, usual wheels.
+/// The conditions of the general targets: cone beams, the paper's faults, 32 sensors, usual wheels, a fixed world.
 fn is_usual(case: &Case) -> bool {
-    *case == Case { world: case.world.clone(), seconds: case.seconds, method: case.method, ..Case::usual() }
+    case.world != World::RANDOM
+        && *case == Case { world: case.world.clone(), seconds: case.seconds, method: case.method, ..Case::usual() }
 }
 
 fn at_most(what: String, wanted: &'static str, measured: f64, most: f64) -> Target {
