@@ -1,18 +1,19 @@
 //! A drive whose sweeps are made without board and line: the readings' noise, the rate of the sweeps and the wheels' errors are free.
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 use slamd_core::stages::{Params, WallSlam};
-use slamd_core::wrap_angle;
 use slamd_core::{
-    Beam, Config, Event, FaultEvent, LocalizationEvent, ModelEvent, Point, Pose2, Ring, Sweep, Timestamp,
+    Beam, Config, Driver, Estimate, Event, FaultEvent, LocalizationEvent, ModelEvent, Point, Pose2, Record, Ring,
+    Sweep, Timestamp, Update, wrap_angle,
 };
+use slamd_metrics::{Pair, Pairing, building_frame};
 use slamd_sim::explore::{Explorer, PERIOD_S};
 use slamd_sim::floor_plan::box_faces;
 use slamd_sim::random::{Random, Stream};
 use slamd_sim::robot::{Robot, STEP_S, Twist};
 use slamd_sim::sonar::{BeamShape, MAX_RANGE_M, MIN_RANGE_M};
 use slamd_sim::world::World;
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::TAU;
 
 /// Where the robot drives.
 #[derive(Clone, Debug)]
@@ -63,7 +64,6 @@ pub struct Outcome {
     pub faults: Vec<FaultEvent>,
     pub locks: Vec<LocalizationEvent>,
     pub models: Vec<ModelEvent>,
-    pub range_sigma_m: f64,
 }
 
 /// A rectangular room from the origin on.
@@ -104,7 +104,7 @@ impl PlainDrive {
         let mut robot = Robot::new(start, self.odometry_errors, Random::new(self.seed, Stream::Robot));
         let mut explorer = Explorer::new(&self.world, Random::new(self.seed, Stream::Explore));
         let mut noise = Random::new(self.seed, Stream::Sonar);
-        let (mut command, mut events, mut truths, mut told) = (Twist::default(), Vec::new(), Vec::new(), Vec::new());
+        let (mut command, mut events, mut truths) = (Twist::default(), Vec::new(), Vec::new());
         let (mut ticks, mut odometry, mut outcome) = ([0, 0], Pose2::default(), Outcome::default());
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some thousand steps")]
         let [steps, per_sweep, per_command] =
@@ -147,41 +147,17 @@ impl PlainDrive {
             }
             robot.step(command);
         }
+        let mut pairs = Vec::new();
         for event in events {
             match event {
-                Event::Estimate(estimate) => told.push(estimate),
-                Event::Fault(fault) => outcome.faults.push(fault),
-                Event::Localization(lock) => outcome.locks.push(lock),
-                Event::Model(model) => outcome.models.push(model),
-                _ => {}
+                Event::Estimate(estimate) => {
+                    let (at, truth) = (estimate.at, truths[usize::try_from(estimate.sweep).unwrap()]);
+                    pairs.push(Pair { at, estimate, truth });
+                }
+                other => outcome.tell(other),
             }
         }
-        let Some(first) = told.first() else { return outcome };
-        // The map frame by its definition: the origin is the start, the axes are along the walls.
-        let quarter = |angle_rad: f64| FRAC_PI_2 * (angle_rad / FRAC_PI_2).round();
-        let start = truths[first.sweep as usize];
-        let map = Pose2::new(start.x_m, start.y_m, quarter(wrap_angle(start.theta_rad - first.pose.theta_rad)));
-        let from_first = start * first.pose.inverse();
-        let odom = start * first.odometry.inverse();
-        for estimate in &told {
-            let truth = truths[estimate.sweep as usize];
-            let told = map * estimate.pose;
-            let error = map.inverse() * truth;
-            let error = nalgebra::Vector3::new(
-                estimate.pose.x_m - error.x_m,
-                estimate.pose.y_m - error.y_m,
-                wrap_angle(estimate.pose.theta_rad - error.theta_rad),
-            );
-            outcome.sweeps.push(Told {
-                at_s: estimate.at.seconds(),
-                error_m: (told.position() - truth.position()).norm(),
-                moved_m: ((from_first * estimate.pose).position() - truth.position()).norm(),
-                wheels_m: ((odom * estimate.odometry).position() - truth.position()).norm(),
-                sigma_m: greatest_sigma(&estimate.covariance),
-                nees: estimate.covariance.try_inverse().map_or(f64::NAN, |p| error.dot(&(p * error)) / 3.0),
-                is_uncertain: outcome.is_uncertain(estimate.at),
-            });
-        }
+        outcome.compare(&pairs);
         outcome
     }
 }
@@ -202,6 +178,57 @@ fn greatest_sigma(cov: &Matrix3<f64>) -> f64 {
 }
 
 impl Outcome {
+    /// What came of a session with true poses.
+    pub fn of(config: &Config, records: impl Iterator<Item = Record>) -> Self {
+        let mut driver = Driver::new(slamd_paper::pipeline(config, slamd_core::Start::Fresh).unwrap());
+        let (mut pairing, mut pairs, mut outcome) = (Pairing::<Estimate>::default(), Vec::new(), Self::default());
+        for record in records {
+            driver.feed(&record, |_, update| match update {
+                Update::Event(Event::Estimate(estimate)) => pairing.estimate(estimate.at, *estimate),
+                Update::Event(event) => outcome.tell(event.clone()),
+                _ => {}
+            });
+            if let Record::Truth { at, pose } = record {
+                pairing.truth(at, pose);
+            }
+            pairs.extend(std::iter::from_fn(|| pairing.next_pair()));
+        }
+        outcome.compare(&pairs);
+        outcome
+    }
+
+    fn tell(&mut self, event: Event) {
+        match event {
+            Event::Fault(fault) => self.faults.push(fault),
+            Event::Localization(lock) => self.locks.push(lock),
+            Event::Model(model) => self.models.push(model),
+            _ => {}
+        }
+    }
+
+    fn compare(&mut self, pairs: &[Pair<Estimate>]) {
+        let Some(first) = pairs.first() else { return };
+        let map = building_frame(first);
+        let (from_first, from_odom) =
+            (first.truth * first.estimate.pose.inverse(), first.truth * first.estimate.odometry.inverse());
+        for Pair { at, estimate, truth } in pairs {
+            let off_m = |frame: Pose2, pose: Pose2| ((frame * pose).position() - truth.position()).norm();
+            let Estimate { pose, covariance, odometry, .. } = estimate;
+            let mine = map.inverse() * *truth;
+            let turned_rad = wrap_angle(pose.theta_rad - mine.theta_rad);
+            let error = Vector3::new(pose.x_m - mine.x_m, pose.y_m - mine.y_m, turned_rad);
+            self.sweeps.push(Told {
+                at_s: at.seconds(),
+                error_m: off_m(map, *pose),
+                moved_m: off_m(from_first, *pose),
+                wheels_m: off_m(from_odom, *odometry),
+                sigma_m: greatest_sigma(covariance),
+                nees: covariance.try_inverse().map_or(f64::NAN, |p| error.dot(&(p * error)) / 3.0),
+                is_uncertain: self.is_uncertain(*at),
+            });
+        }
+    }
+
     /// Whether the events call the pose of that time uncertain.
     fn is_uncertain(&self, at: Timestamp) -> bool {
         let mut until = self.locks.iter().filter(|lock| !lock.is_lost());

@@ -263,7 +263,8 @@ impl EkfSlam {
     /// Floor of the variance of one wall's fused measurement, m².
     fn model_variance(&self) -> f64 {
         let params = &self.params.slam;
-        let sigma_m = if self.is_frozen { params.frozen_sigma_m } else { params.model_sigma_m };
+        let shared_m = self.params.noise.shared_sigmas * self.beam.range_sigma_m;
+        let sigma_m = if self.is_frozen { params.frozen_sigma_m } else { params.model_sigma_m }.max(shared_m);
         sigma_m * sigma_m
     }
 
@@ -339,6 +340,9 @@ impl EkfSlam {
             }
             let Some(observation) = observe_wall(&self.beam, pose, &sweep.beams[sensor]) else { continue };
             let sigma_m = self.beam.range_sigma_m;
+            if self.is_stray(&observation) {
+                continue;
+            }
             let Some(new) = self.initializer.add(&observation, sweep.index, sigma_m) else { continue };
             let h_robot = observation.h_robot * -observation.side.sign();
             let variance = self.params.slam.same_noise_m2() + new.mean_variance(sigma_m, self.params.noise.usual_m);
@@ -349,6 +353,23 @@ impl EkfSlam {
                 self.walls.push(wall);
             }
         }
+    }
+
+    /// True for a return that fails the gate of a known wall, but only by as much as noisy readings do: several of these together would
+    /// be taken for a second wall beside it.
+    fn is_stray(&self, observation: &WallObservation) -> bool {
+        let noise = &self.params.noise;
+        let unusual_m2 = self.beam.range_sigma_m.powi(2) - noise.usual_m.powi(2);
+        if unusual_m2 <= 0.0 {
+            return false;
+        }
+        let (stray_m, along_m, margin_m) =
+            (noise.stray_sigmas * unusual_m2.sqrt(), observation.along_m, self.params.slam.margin_m);
+        self.walls.iter().enumerate().any(|(index, wall)| {
+            let reaches = along_m > wall.lo_m - margin_m && along_m < wall.hi_m + margin_m;
+            let off_m = (self.filter.offset_m(index) - observation.offset_m()).abs();
+            wall.side == observation.side && reaches && off_m < stray_m
+        })
     }
 
     /// Merges two walls that are the same. Only walls that this sweep observed have moved.

@@ -20,11 +20,13 @@ use super::beam_model::WallObservation;
 /// | `max_oblique_rad` | 0.1 | rad | as `max_extension_rad`: a cone's edge is not sharp | too large: edge errors look like noise |
 /// | `clear_ratio` | 1.5 | - | by hand: clutter makes the simulator's readings look up to so much noisier | too small: the walls' weight falls in clutter; too large: noise is noticed late |
 /// | `far_ratio` | 2.0 | - | by hand | too small: clutter is told as noise; too large: a wrong key is never told |
-/// | `min_differences` | 300 | - | by hand | too small: the first clutter is told as noise |
+/// | `min_differences` | 100 | - | by hand | too small: the first clutter is told as noise |
 /// | `near_sigmas` | 3.0 | sigma | as the initializer's `near_m` at 0.02 m | as `near_m` |
 /// | `scatter_sigmas` | 1.4 | sigma | as `max_scatter_m` at 0.02 m | as `max_scatter_m` |
 /// | `same_sigmas` | 1.5 | sigma | by hand, below `same_wall_m` up to 0.046 m | as `same_wall_m` |
 /// | `error_sigmas` | 3.5 | sigma | by hand, below the monitor's `max_error_m` up to 0.042 m | as `max_error_m` |
+/// | `stray_sigmas` | 4.0 | sigma | by hand: one reading in 16 000 is farther off | too small: noisy walls double; too large: steps in walls are missed |
+/// | `shared_sigmas` | 0.4 | sigma | as `model_sigma_m` at 0.02 m | too small: many noisy beams on one wall are taken for sure, NEES above 20 at 0.05 m; too large: the pose follows the wheels |
 /// | `usual_m` | 0.02 | m | the noise of the simulator's sensors, for which the other constants were chosen | a new wall's offset is taken for too sure or too unsure |
 #[expect(missing_docs, reason = "the table describes each field")]
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,6 +45,8 @@ pub struct NoiseParams {
     pub scatter_sigmas: f64,
     pub same_sigmas: f64,
     pub error_sigmas: f64,
+    pub stray_sigmas: f64,
+    pub shared_sigmas: f64,
     pub usual_m: f64,
 }
 
@@ -58,11 +62,13 @@ impl Default for NoiseParams {
             max_oblique_rad: 0.1,
             clear_ratio: 1.5,
             far_ratio: 2.0,
-            min_differences: 300,
+            min_differences: 100,
             near_sigmas: 3.0,
             scatter_sigmas: 1.4,
             same_sigmas: 1.5,
             error_sigmas: 3.5,
+            stray_sigmas: 4.0,
+            shared_sigmas: 0.4,
             usual_m: 0.02,
         }
     }
