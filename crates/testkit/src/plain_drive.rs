@@ -52,6 +52,8 @@ pub struct Told {
     pub wheels_m: f64,
     /// Standard deviation along the direction in which the position is least certain, metres.
     pub sigma_m: f64,
+    /// Error of the heading over its standard deviation.
+    pub heading_sigmas: f64,
     /// Normalized estimation error squared over its three degrees of freedom.
     pub nees: f64,
     pub is_uncertain: bool,
@@ -223,6 +225,7 @@ impl Outcome {
                 moved_m: off_m(from_first, *pose),
                 wheels_m: off_m(from_odom, *odometry),
                 sigma_m: greatest_sigma(covariance),
+                heading_sigmas: turned_rad / covariance[(2, 2)].sqrt(),
                 nees: covariance.try_inverse().map_or(f64::NAN, |p| error.dot(&(p * error)) / 3.0),
                 is_uncertain: self.is_uncertain(*at),
             });

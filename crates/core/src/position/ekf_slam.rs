@@ -11,7 +11,7 @@
 use super::beam_model::{Side, WallObservation, observe_wall};
 use super::filter::{Filter, MAX_WALLS, Measurement, ROBOT};
 use super::inactive_landmarks::InactiveLandmarks;
-use super::innovation_whiteness::InnovationWhiteness;
+use super::innovation_whiteness::{InnovationWhiteness, StatedErrors};
 use super::landmark_initializer::LandmarkInitializer;
 use super::localization_monitor::LocalizationMonitor;
 use super::params::{BeamParams, Params};
@@ -68,9 +68,10 @@ pub struct EkfSlam {
     expected_m: Vec<Option<f64>>,
     pub(super) monitor: LocalizationMonitor,
     pub(super) whiteness: InnovationWhiteness,
+    pub(super) stated_errors: StatedErrors,
     pub(super) noise: RangeNoise,
     /// The measurement model with the noise that was learnt.
-    beam: BeamParams,
+    pub(super) beam: BeamParams,
     pub(super) agreement: WheelAgreement,
     nis: f64,
     pub(super) params: Params,
@@ -98,6 +99,7 @@ impl EkfSlam {
             expected_m: Vec::new(),
             monitor: LocalizationMonitor::new(params.monitor),
             whiteness: InnovationWhiteness::new(params.whiteness),
+            stated_errors: StatedErrors::new(params.whiteness),
             noise: RangeNoise::new(params.noise, params.beam.range_sigma_m),
             beam: params.beam,
             agreement: WheelAgreement::new(params.agreement),
@@ -185,7 +187,10 @@ impl EkfSlam {
         for observed in 0..self.observed.len() {
             let index = self.observed[observed];
             if let Some(measurement) = self.fuse(sweep, index) {
-                nis_sum += measurement.innovation.powi(2) / self.filter.innovation_variance(&measurement);
+                let variance = self.filter.innovation_variance(&measurement);
+                nis_sum += measurement.innovation.powi(2) / variance;
+                let side = self.walls[index].side;
+                self.stated_errors.add(side.axis(), side.sign() * measurement.innovation / variance.sqrt());
                 updates += 1.0;
                 self.filter.update(&measurement);
                 self.walls[index].hits = self.walls[index].hits.saturating_add(1);
@@ -211,24 +216,6 @@ impl EkfSlam {
             self.compare_with_wheels(sweep.index, predicted, returns);
         }
         self.swap_landmarks();
-    }
-
-    /// The standard deviation of a reading, metres: configured, or learnt where the readings show more.
-    #[must_use]
-    pub fn range_sigma_m(&self) -> f64 {
-        self.beam.range_sigma_m
-    }
-
-    /// The standard deviation of a reading, metres, where the readings show that it is far more than configured.
-    #[must_use]
-    pub fn far_range_sigma_m(&self) -> Option<f64> {
-        self.noise.contradiction_m()
-    }
-
-    /// Continues with the noise that another filter has learnt of the same readings.
-    pub(crate) fn adopt_noise(&mut self, other: &Self) {
-        self.noise.clone_from(&other.noise);
-        self.beam.range_sigma_m = self.noise.sigma_m();
     }
 
     /// Data association of all beams.

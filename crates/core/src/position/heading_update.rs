@@ -16,7 +16,9 @@ impl EkfSlam {
         let params = self.params.slam;
         let HeadingObservation { innovation_rad, variance, beams } = self.observe_heading()?;
         let heading_variance = self.filter.pose_covariance()[(2, 2)];
-        let factor = self.whiteness.variance_factor(innovation_rad / (heading_variance + variance).sqrt());
+        let normalised = innovation_rad / (heading_variance + variance).sqrt();
+        self.stated_errors.add(2, normalised);
+        let factor = self.whiteness.variance_factor(normalised);
         let variance = if beams <= params.few_beams { variance * factor } else { variance };
         let nis = innovation_rad.powi(2) / (heading_variance + variance);
         self.filter.adapt_slip(nis);

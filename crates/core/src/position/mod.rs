@@ -15,5 +15,6 @@ mod range_noise;
 pub(crate) mod relocalize;
 mod relocation;
 mod segments;
+mod stated_errors;
 mod symmetric;
 mod wheel_agreement;

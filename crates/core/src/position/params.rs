@@ -293,17 +293,19 @@ impl Default for MonitorParams {
 /// | `gain` | 0.1 | - | by hand: some twenty innovations of memory | too small: a repeated error is noticed late; too large: chance looks like one |
 /// | `white_sigma` | 2.0 | sigma | by hand: 95 % of white means lie within | too small: good headings count for less; too large: repeated errors turn the robot |
 /// | `max_sigma` | 3.0 | sigma | by hand | too large: one outlier counts as a repeated error |
+/// | `nis_gain` | 0.01 | - | by hand: a hundred innovations of memory | too small: the stated covariance grows late; too large: it flickers |
 #[expect(missing_docs, reason = "the table describes each field")]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WhitenessParams {
     pub gain: f64,
     pub white_sigma: f64,
     pub max_sigma: f64,
+    pub nis_gain: f64,
 }
 
 impl Default for WhitenessParams {
     fn default() -> Self {
-        Self { gain: 0.1, white_sigma: 2.0, max_sigma: 3.0 }
+        Self { gain: 0.1, white_sigma: 2.0, max_sigma: 3.0, nis_gain: 0.01 }
     }
 }
 

@@ -138,7 +138,6 @@ impl WheelAgreement {
         if is_off || is_over {
             self.stretch = None;
         }
-        if is_off && std::env::var("DBG").is_ok() { eprintln!("off {sweep} {:?} allowed {allowed_m:.2} {allowed_rad:.2} L {:.2} expl {:.2}", stretch.corrections, stretch.length_m, self.explained); }
         let is_dragged = is_off && self.explained < params.explained;
         self.is_in_doubt = is_dragged || (self.is_in_doubt && !is_over);
         is_dragged.then_some(stretch)

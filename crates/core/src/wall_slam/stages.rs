@@ -88,7 +88,7 @@ impl Stages {
     pub(super) fn learn_errors(&mut self, ekf: &EkfSlam) {
         self.detector.set_range_sigma(ekf.range_sigma_m());
         self.far_range_sigma_m.0 = ekf.far_range_sigma_m();
-        let cov = ekf.filter.pose_covariance();
+        let cov = ekf.stated_covariance();
         let variance = cov[(0, 0)] + cov[(1, 1)];
         let is_vague = self.doubts.holds(Doubt::Vague);
         let limit_m = if is_vague { self.params.known_sigma_m } else { self.params.vague_sigma_m };

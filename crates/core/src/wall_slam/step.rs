@@ -155,7 +155,7 @@ impl Corrected<'_> {
             at: sweep.at,
             sweep: sweep.index,
             pose,
-            covariance: covariance.unwrap_or_else(|| robot.ekf.filter.pose_covariance()),
+            covariance: covariance.unwrap_or_else(|| robot.ekf.stated_covariance()),
             odometry: sweep.odometry,
             nis: robot.ekf.nis(),
         }));
