@@ -128,6 +128,9 @@ pub struct RingConfig {
     pub min_range_m: f64,
     /// Farthest distance a sensor measures, metres; beyond it is "nothing in range".
     pub max_range_m: f64,
+    /// Standard deviation of a reading, metres; if absent slamd begins with 0.02.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range_sigma_m: Option<f64>,
     /// Air temperature until the board reports one, degrees Celsius.
     pub temperature_c: f64,
     /// Sensors evenly around a circle.
@@ -146,6 +149,7 @@ impl Default for RingConfig {
         Self {
             min_range_m: 0.03,
             max_range_m: 3.0,
+            range_sigma_m: None,
             temperature_c: 20.0,
             circle: None,
             sensors: Vec::new(),

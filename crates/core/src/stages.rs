@@ -25,8 +25,8 @@ pub use crate::position::beam_model::observe_wall;
 pub use crate::position::ekf_slam::EkfSlam;
 pub use crate::position::filter::Filter;
 pub use crate::position::params::{
-    BeamParams, FilterParams, InactiveParams, InitializerParams, MonitorParams, Params as PositionParams,
-    RelocalizeParams, SlamParams, WhitenessParams,
+    AgreementParams, BeamParams, FilterParams, InactiveParams, InitializerParams, MonitorParams, NoiseParams,
+    Params as PositionParams, RelocalizeParams, SlamParams, WhitenessParams,
 };
 pub use crate::robot_model::params::Params as RobotModelParams;
 pub use crate::wall_slam::WallSlam;

@@ -13,6 +13,7 @@
 //! [`WallSlam::update`] is the method in short. Each mode has a file of its own; `step.rs` holds the types that fix the order of
 //! the work within a sweep.
 
+mod doubts;
 mod encoder_fault;
 mod expected_range;
 mod initializer;
@@ -66,13 +67,17 @@ enum Mode {
 impl WallSlam {
     /// Processes one sweep: pushes an [`Event::Estimate`] for each sweep whose pose is known now, and what else has happened.
     pub fn update(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
-        let stages = &mut self.stages;
+        let (stages, told) = (&mut self.stages, events.len());
         self.mode = match std::mem::take(&mut self.mode) {
             Mode::Initializing(initializing) => initializing.update(sweep, stages, events),
             Mode::Tracking(tracking) => tracking.update(sweep, stages, events),
             Mode::Relocalizing(relocalizing) => relocalizing.update(sweep, stages, events),
             Mode::OdometryOutage(outage) => outage.update(sweep, stages, events),
         };
+        // The other modes say themselves that the pose is unknown.
+        if let Mode::Tracking(_) = self.mode {
+            stages.tell_doubts(sweep, told, events);
+        }
     }
 
     /// Processes the sweeps that still wait: no more will come.

@@ -10,6 +10,7 @@ pub mod broken;
 pub mod known_building;
 pub mod lattice;
 pub mod odd_board;
+pub mod plain_drive;
 pub mod promises;
 pub mod python;
 

@@ -110,6 +110,12 @@ fn ring() -> Vec<Key> {
             20.0,
             "Longest distance that a sensor measures, metres; a longer one is \"nothing in range\".",
         ),
+        number(
+            "range_sigma_m",
+            0.002,
+            0.15,
+            "Standard deviation of a reading, metres; default 0.02. slamd learns it if the readings scatter more.",
+        ),
         number("temperature_c", -40.0, 85.0, "Air temperature until the board reports one, degrees Celsius."),
         key(
             "circle",

@@ -22,9 +22,15 @@ pub struct Detector {
     sensors: Vec<FaultTest>,
     states: Vec<SensorState>,
     last_m: Vec<f64>,
+    /// By sensor: what this sweep tells; scratch.
+    evidence: Vec<Option<Evidence>>,
     /// True once a wheel has turned: without encoders, changing readings mean that the robot drives.
     has_wheels: bool,
     max_range_m: f64,
+    /// Standard deviation of a sound sensor's reading, metres.
+    range_sigma_m: f64,
+    /// True while so many sensors look faulty at once that the pose, the map or the noise is suspected instead.
+    is_ring_suspect: bool,
 }
 
 impl Detector {
@@ -43,10 +49,25 @@ impl Detector {
             sensors: vec![FaultTest::default(); ring.len()],
             states: vec![SensorState::Healthy; ring.len()],
             last_m: vec![f64::NAN; ring.len()],
+            evidence: vec![None; ring.len()],
             has_wheels: false,
             max_range_m,
+            range_sigma_m: 0.0,
+            is_ring_suspect: false,
             params,
         }
+    }
+
+    /// Sets the standard deviation of a sound sensor's reading, metres.
+    pub fn set_range_sigma(&mut self, range_sigma_m: f64) {
+        self.range_sigma_m = range_sigma_m;
+    }
+
+    /// True while more than a third of the ring looks faulty by what pose, map or noise make of the readings: then these are suspected
+    /// first, and no further sensor is declared faulty for that.
+    #[must_use]
+    pub fn is_ring_suspect(&self) -> bool {
+        self.is_ring_suspect
     }
 
     /// Each sensor's state.
@@ -119,12 +140,29 @@ impl Detector {
                 expected: if beam.is_clear() { expected(beam) } else { None },
                 neighbours: seen,
                 moved_m: moved_m.max(stirred_m),
+                leap_m: self.params.leap_m.max(self.params.leap_sigmas * self.range_sigma_m).max(moved_m),
+                unexplained_m: self
+                    .params
+                    .unexplained_m
+                    .max(self.params.unexplained_sigmas * self.range_sigma_m)
+                    .max(self.params.unexplained_share * moved_m),
                 passed_m: passed_m(sweep, beam, seen.map_or(0.0, |seen| seen.range_m), self.params.wheel_base_m)
                     .max(self.params.passed_while_stirred * stirred_m),
             };
-            let fault_test = &mut self.sensors[sensor];
-            fault_test.weigh(&evidence, &self.params);
-            let state = fault_test.verdict(&self.params);
+            self.sensors[sensor].weigh(&evidence, &self.params);
+            self.evidence[sensor] = Some(evidence);
+        }
+        self.judge(sweep, events);
+    }
+
+    /// The verdicts after all sensors have been weighed.
+    fn judge(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
+        let is_apparent = |test: &&FaultTest| test.is_apparently_faulty(&self.params);
+        let apparent = self.sensors.iter().filter(is_apparent).count();
+        self.is_ring_suspect = apparent > self.params.max_apparent.max(self.sensors.len() / 3);
+        for (sensor, fault_test) in self.sensors.iter_mut().enumerate() {
+            let Some(evidence) = self.evidence[sensor].take() else { continue };
+            let state = fault_test.verdict(&self.params, !self.is_ring_suspect);
             if state != self.states[sensor] {
                 self.states[sensor] = state;
                 let reason = fault_test.reason(sensor, &evidence);

@@ -20,6 +20,10 @@ pub(crate) struct Evidence {
     pub neighbours: Option<Seen>,
     /// How far the robot has moved since the last sweep, metres.
     pub moved_m: f64,
+    /// A change of the reading by more is a leap, metres.
+    pub leap_m: f64,
+    /// A residual above is unexplained, metres.
+    pub unexplained_m: f64,
     /// How far the point the sensor looks at has moved across its beam since then, metres.
     pub passed_m: f64,
 }

@@ -105,7 +105,7 @@ impl FaultTest {
             if is_same { evidence.novelty(params) * params.repeated } else { params.changed },
             params,
         );
-        let is_leap = leap_m > params.leap_m && !is_back;
+        let is_leap = leap_m > evidence.leap_m && !is_back;
         // A slow ring on a robot that drives farther than that between two sweeps: any surface leaps.
         let tells_noise = evidence.moved_m <= params.leap_m;
         if tells_noise && self.silent_in_row > 0 && self.silent_in_row <= params.short_silence_sweeps {
@@ -114,7 +114,7 @@ impl FaultTest {
             // Falling silent and being heard again are jumps of V, too, but say nothing of the scatter.
             self.add(
                 FaultKind::Noisy,
-                match (is_leap, evidence.residual_m > params.unexplained_m) {
+                match (is_leap, evidence.residual_m > evidence.unexplained_m) {
                     (true, true) => params.jump,
                     (false, false) => params.no_jump,
                     _ => params.half_jump,
@@ -135,9 +135,20 @@ impl FaultTest {
         *ratio = (*ratio + evidence).clamp(params.floor, ceiling);
     }
 
-    /// The sensor's state after what has been weighed.
-    pub(crate) fn verdict(&mut self, params: &Params) -> SensorState {
-        let proven = KINDS.into_iter().find(|&kind| self.ratios[index_of(kind)] >= params.declare);
+    /// True if the sensor looks faulty, or is about to, in a way that a wrong pose, map or noise may feign.
+    pub(crate) fn is_apparently_faulty(&self, params: &Params) -> bool {
+        let mut feigned = KINDS.into_iter().filter(|&kind| is_relative(kind));
+        feigned.any(|kind| {
+            self.state == SensorState::Faulty(kind) || self.ratios[index_of(kind)] > params.about_to_declare
+        })
+    }
+
+    /// The sensor's state after what has been weighed. A fault that a wrong pose, map or noise may feign is declared only if
+    /// `may_declare_relative`.
+    pub(crate) fn verdict(&mut self, params: &Params, may_declare_relative: bool) -> SensorState {
+        let may_declare =
+            |kind: FaultKind| may_declare_relative || self.state == SensorState::Faulty(kind) || !is_relative(kind);
+        let proven = KINDS.into_iter().find(|&kind| self.ratios[index_of(kind)] >= params.declare && may_declare(kind));
         self.state = match (self.state, proven) {
             (SensorState::Healthy, Some(kind)) => {
                 self.recurrences = (self.recurrences + 1.0).min(params.max_recurrences);
@@ -172,6 +183,11 @@ fn silence(evidence: &Evidence, params: &Params) -> f64 {
     by_map.max(by_neighbours)
 }
 
+/// True if the evidence for a fault of this kind rests on the noise that is assumed, or on pose and map.
+const fn is_relative(kind: FaultKind) -> bool {
+    matches!(kind, FaultKind::Noisy | FaultKind::Saturated)
+}
+
 fn index_of(kind: FaultKind) -> usize {
     match kind {
         FaultKind::Missing => 0,
@@ -196,6 +212,8 @@ mod tests {
             expected: None,
             neighbours: None,
             moved_m: 0.03,
+            leap_m: 0.15,
+            unexplained_m: 0.05,
             passed_m: 0.03,
         }
     }
@@ -205,7 +223,7 @@ mod tests {
         let before = fault_test.state;
         for count in 1..1000 {
             fault_test.weigh(&sweep(count), &Params::default());
-            if fault_test.verdict(&Params::default()) != before {
+            if fault_test.verdict(&Params::default(), true) != before {
                 return (count, fault_test.state);
             }
         }
@@ -231,7 +249,7 @@ mod tests {
         for kind in KINDS {
             let memory = SensorHistory { state: SensorState::Faulty(kind), recurrences: 1.5 };
             let mut restored = FaultTest::restore(&memory, &Params::default()).unwrap();
-            assert_eq!((restored.saved_state(), restored.verdict(&Params::default())), (memory, memory.state));
+            assert_eq!((restored.saved_state(), restored.verdict(&Params::default(), true)), (memory, memory.state));
             let calm = |count: usize| evidence(1.0 + 0.01 * count as f64);
             assert_eq!(until_changed(&mut restored, calm).1, SensorState::Healthy, "{kind:?}");
         }
@@ -297,7 +315,7 @@ mod tests {
         let mut slow = healthy();
         for count in 0..200 {
             slow.weigh(&scatter(0.3)(count), &Params::default());
-            assert_eq!(slow.verdict(&Params::default()), SensorState::Healthy, "sweep {count}");
+            assert_eq!(slow.verdict(&Params::default(), true), SensorState::Healthy, "sweep {count}");
         }
         let (sweeps, _) = until_changed(&mut healthy(), scatter(0.1));
         assert!(sweeps < 20, "{sweeps}");
@@ -325,7 +343,7 @@ mod tests {
         for sweeps in &mut served {
             for _ in 0..30 {
                 fault_test.weigh(&evidence(f64::NAN), &Params::default());
-                fault_test.verdict(&Params::default());
+                fault_test.verdict(&Params::default(), true);
             }
             let calm = |count: usize| evidence(1.0 + 0.01 * count as f64);
             let (count, state) = until_changed(&mut fault_test, calm);

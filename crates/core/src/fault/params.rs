@@ -39,6 +39,11 @@ use std::f64::consts::PI;
 /// | `half_jump` | −0.2 | LLR | an outlier spoils the three blocks that hold it; a step between two surfaces leaps once | positive: single outliers become "noisy" |
 /// | `unexplained_m` | 0.05 | m | first version; root of the PCA residual, 2 cm of range noise leave 0.8 cm | smaller: turns look like noise |
 /// | `leap_m` | 0.15 | m | first version; where the robot moves farther between two sweeps, leaps say nothing | smaller: driving looks like noise; larger: weak noise is missed |
+/// | `leap_sigmas` | 4.5 | sigma | by hand: three of the difference of two readings, and a margin; below `leap_m` up to 0.033 m of noise | smaller: a ring of cheap sensors is noisy; larger: weak noise is missed |
+/// | `unexplained_sigmas` | 1.0 | sigma | by hand: PCA leaves 0.4 of it; below `unexplained_m` up to 0.05 m of noise | as `leap_sigmas` |
+/// | `unexplained_share` | 0.5 | of the motion | by hand: a robot that moves by 0.3 m from sweep to sweep does so along a curve, not a line | smaller: slow sweeps look noisy |
+/// | `about_to_declare` | 3 | LLR | half of `declare` | lower: two or three cluttered beams suspend the verdicts; higher: the first third is declared before |
+/// | `max_apparent` | 2 | sensors | by hand: so few may break at once in the smallest ring | lower: a ring of three declares none; higher: small rings are outvoted |
 /// | `back_m` | 0.05 | m | first version; a sensor that alternates between two surfaces comes back this close | larger: a noisy sensor seems to alternate |
 /// | `short_silence_sweeps` | 3 | sweeps | the PCA block, whose residual a silence spoils | larger: doors count as jumps |
 /// | `repeated` | 0.35 | LLR | overall; latency "stuck" is 2.3 s | higher: a robot that drives along a wall has stuck sensors |
@@ -89,6 +94,11 @@ pub struct Params {
     pub half_jump: f64,
     pub unexplained_m: f64,
     pub leap_m: f64,
+    pub leap_sigmas: f64,
+    pub unexplained_sigmas: f64,
+    pub unexplained_share: f64,
+    pub about_to_declare: f64,
+    pub max_apparent: usize,
     pub back_m: f64,
     pub short_silence_sweeps: u32,
     pub repeated: f64,
@@ -141,6 +151,11 @@ impl Default for Params {
             half_jump: -0.2,
             unexplained_m: 0.05,
             leap_m: 0.15,
+            leap_sigmas: 4.5,
+            unexplained_sigmas: 1.0,
+            unexplained_share: 0.5,
+            about_to_declare: 3.0,
+            max_apparent: 2,
             back_m: 0.05,
             short_silence_sweeps: 3,
             repeated: 0.35,

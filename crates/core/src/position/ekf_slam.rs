@@ -11,10 +11,12 @@
 use super::beam_model::{Side, WallObservation, observe_wall};
 use super::filter::{Filter, MAX_WALLS, Measurement, ROBOT};
 use super::inactive_landmarks::InactiveLandmarks;
-use super::innovation_whiteness::InnovationWhiteness;
+use super::innovation_whiteness::{InnovationWhiteness, StatedErrors};
 use super::landmark_initializer::LandmarkInitializer;
 use super::localization_monitor::LocalizationMonitor;
-use super::params::Params;
+use super::params::{BeamParams, Params};
+use super::range_noise::RangeNoise;
+use super::wheel_agreement::WheelAgreement;
 use crate::event::Calibration;
 use crate::geometry::{Placement, Pose2, nearest_quarter};
 use crate::sweep::{Beam, Sweep};
@@ -59,23 +61,20 @@ pub struct EkfSlam {
     pub(super) initializer: LandmarkInitializer,
     pub(super) associations: Vec<Association>,
     /// The wall of each beam.
-    wall_of_beam: Vec<Option<usize>>,
+    pub(super) wall_of_beam: Vec<Option<usize>>,
     /// The walls that this sweep observes, each once.
-    observed: Vec<usize>,
+    pub(super) observed: Vec<usize>,
     /// The range that each beam must measure, metres.
     expected_m: Vec<Option<f64>>,
     pub(super) monitor: LocalizationMonitor,
-    whiteness: InnovationWhiteness,
+    pub(super) whiteness: InnovationWhiteness,
+    pub(super) stated_errors: StatedErrors,
+    pub(super) noise: RangeNoise,
+    /// The measurement model with the noise that was learnt.
+    pub(super) beam: BeamParams,
+    pub(super) agreement: WheelAgreement,
     nis: f64,
     pub(super) params: Params,
-}
-
-/// The heading as the walls measure it.
-struct HeadingObservation {
-    innovation_rad: f64,
-    variance: f64,
-    /// The beams that measure it.
-    beams: usize,
 }
 
 impl EkfSlam {
@@ -93,13 +92,17 @@ impl EkfSlam {
             walls: Vec::with_capacity(MAX_WALLS),
             inactive: InactiveLandmarks::new(params.inactive, Vec::new()),
             is_frozen: false,
-            initializer: LandmarkInitializer::new(params.initializer),
+            initializer: LandmarkInitializer::new(params.initializer, params.noise),
             associations: Vec::new(),
             wall_of_beam: Vec::new(),
             observed: Vec::new(),
             expected_m: Vec::new(),
             monitor: LocalizationMonitor::new(params.monitor),
             whiteness: InnovationWhiteness::new(params.whiteness),
+            stated_errors: StatedErrors::new(params.whiteness),
+            noise: RangeNoise::new(params.noise, params.beam.range_sigma_m),
+            beam: params.beam,
+            agreement: WheelAgreement::new(params.agreement),
             nis: f64::NAN,
             params: *params,
         }
@@ -132,6 +135,7 @@ impl EkfSlam {
     /// Predicts the pose from the distances that the configured wheels would have rolled, metres.
     pub fn predict(&mut self, left_m: f64, right_m: f64) {
         self.filter.predict(left_m, right_m);
+        self.agreement.roll(&self.filter.nominal, left_m, right_m);
     }
 
     /// Predicts the range of each beam whose cone squarely holds a well-known wall.
@@ -173,6 +177,7 @@ impl EkfSlam {
 
     /// Corrects the pose with the beams that `is_trusted`. Adds walls from the unexplained ones where `may_add_walls`.
     pub fn correct(&mut self, sweep: &Sweep, may_add_walls: bool, is_trusted: impl Fn(usize) -> bool) {
+        let predicted = self.filter.pose();
         self.associate_beams(sweep, is_trusted);
         let (mut nis_sum, mut updates) = (0.0, 0.0);
         if let Some(nis) = self.update_heading() {
@@ -182,7 +187,10 @@ impl EkfSlam {
         for observed in 0..self.observed.len() {
             let index = self.observed[observed];
             if let Some(measurement) = self.fuse(sweep, index) {
-                nis_sum += measurement.innovation.powi(2) / self.filter.innovation_variance(&measurement);
+                let variance = self.filter.innovation_variance(&measurement);
+                nis_sum += measurement.innovation.powi(2) / variance;
+                let side = self.walls[index].side;
+                self.stated_errors.add(side.axis(), side.sign() * measurement.innovation / variance.sqrt());
                 updates += 1.0;
                 self.filter.update(&measurement);
                 self.walls[index].hits = self.walls[index].hits.saturating_add(1);
@@ -190,11 +198,22 @@ impl EkfSlam {
             }
         }
         self.nis = nis_sum / updates;
+        let pose = self.filter.pose();
+        self.noise.correct([pose.x_m - predicted.x_m, pose.y_m - predicted.y_m]);
+        self.beam.range_sigma_m = self.noise.sigma_m();
         if !self.is_frozen {
             if may_add_walls && !self.monitor.is_doubtful() {
                 self.initialize_landmarks(sweep);
             }
             self.merge(sweep.index);
+        }
+        if !self.is_frozen {
+            let returns = self.associations.iter().fold([0.0, 0.0], |[walls, all], association| match association {
+                Association::Wall(_) => [walls + 1.0, all + 1.0],
+                Association::Unexplained => [walls, all + 1.0],
+                Association::Unused => [walls, all],
+            });
+            self.compare_with_wheels(sweep.index, predicted, returns);
         }
         self.swap_landmarks();
     }
@@ -203,14 +222,18 @@ impl EkfSlam {
     fn associate_beams(&mut self, sweep: &Sweep, is_trusted: impl Fn(usize) -> bool) {
         self.associations.clear();
         self.wall_of_beam.clear();
+        self.noise.begin(sweep.index, sweep.beams.len());
         let pose = Placement::from(self.filter.pose());
         for (sensor, beam) in sweep.beams.iter().enumerate() {
-            let observation = if is_trusted(sensor) { observe_wall(&self.params.beam, pose, beam) } else { None };
+            let observation = if is_trusted(sensor) { observe_wall(&self.beam, pose, beam) } else { None };
+            self.noise.add(sensor, observation.as_ref());
             let wall = observation.and_then(|observation| self.associate(&observation));
             self.wall_of_beam.push(wall);
             if observation.is_some() {
                 let is_known = wall.is_some_and(|wall| self.walls[wall].hits >= self.params.slam.well_known_hits);
-                self.monitor.add(is_known, self.expected_range_m(sensor), beam.range_m);
+                let noise_m = self.params.noise.error_sigmas * self.beam.range_sigma_m;
+                let is_off = |expected_m: &f64| (beam.range_m - expected_m).abs() > noise_m;
+                self.monitor.add(is_known, self.expected_range_m(sensor).filter(is_off), beam.range_m);
             }
             self.associations.push(match (observation, wall) {
                 (Some(observation), Some(_)) => Association::Wall(observation),
@@ -224,25 +247,11 @@ impl EkfSlam {
         self.observed.dedup();
     }
 
-    /// Corrects the heading. Returns the normalised innovation squared; none without a measurement within the gate.
-    fn update_heading(&mut self) -> Option<f64> {
-        let params = self.params.slam;
-        let HeadingObservation { innovation_rad, variance, beams } = self.observe_heading()?;
-        let heading_variance = self.filter.pose_covariance()[(2, 2)];
-        let factor = self.whiteness.variance_factor(innovation_rad / (heading_variance + variance).sqrt());
-        let variance = if beams <= params.few_beams { variance * factor } else { variance };
-        let nis = innovation_rad.powi(2) / (heading_variance + variance);
-        self.filter.adapt_slip(nis);
-        (nis < params.heading_gate_sigma * params.heading_gate_sigma).then(|| {
-            self.filter.update_heading(innovation_rad, variance);
-            nis
-        })
-    }
-
     /// Floor of the variance of one wall's fused measurement, m².
     fn model_variance(&self) -> f64 {
         let params = &self.params.slam;
-        let sigma_m = if self.is_frozen { params.frozen_sigma_m } else { params.model_sigma_m };
+        let shared_m = self.params.noise.shared_sigmas * self.beam.range_sigma_m;
+        let sigma_m = if self.is_frozen { params.frozen_sigma_m } else { params.model_sigma_m }.max(shared_m);
         sigma_m * sigma_m
     }
 
@@ -269,7 +278,7 @@ impl EkfSlam {
         best.map(|(_, index)| index)
     }
 
-    fn measure(&self, observation: &WallObservation, wall: usize) -> Measurement {
+    pub(super) fn measure(&self, observation: &WallObservation, wall: usize) -> Measurement {
         let sign = observation.side.sign();
         let expected_m = sign * (self.filter.offset_m(wall) - observation.sensor_across_m);
         Measurement {
@@ -278,38 +287,6 @@ impl EkfSlam {
             wall: (wall, sign),
             variance: observation.variance,
         }
-    }
-
-    /// The heading from the beams: on each wall, the slope of their misfits over their derivative by the heading.
-    fn observe_heading(&self) -> Option<HeadingObservation> {
-        let (mut information, mut sum, mut beams) = (0.0, 0.0, 0);
-        for &wall in &self.observed {
-            let (mut w, mut wh, mut whh, mut wz, mut whz, mut count) = (0.0, 0.0, 0.0, 0.0, 0.0, 0);
-            for (association, index) in self.associations.iter().zip(&self.wall_of_beam) {
-                let (Association::Wall(observation), true) = (association, *index == Some(wall)) else { continue };
-                let m = self.measure(observation, wall);
-                let (weight, h) = (1.0 / m.variance, m.robot[2]);
-                w += weight;
-                wh += weight * h;
-                whh += weight * h * h;
-                wz += weight * m.innovation;
-                whz += weight * h * m.innovation;
-                count += 1;
-            }
-            // A slope takes two beams.
-            if count > 1 {
-                beams += count;
-                information += whh - wh * wh / w;
-                sum += whz - wh * wz / w;
-            }
-        }
-        let params = &self.params.slam;
-        let variance = 1.0 / information + params.heading_sigma_rad * params.heading_sigma_rad;
-        (information > params.min_heading_information).then(|| HeadingObservation {
-            innovation_rad: sum / information,
-            variance,
-            beams,
-        })
     }
 
     /// All beams on one wall as one measurement at the current pose.
@@ -321,7 +298,7 @@ impl EkfSlam {
             if self.wall_of_beam[sensor] != Some(wall) {
                 continue;
             }
-            let Some(observation) = observe_wall(&self.params.beam, pose, &sweep.beams[sensor]) else { continue };
+            let Some(observation) = observe_wall(&self.beam, pose, &sweep.beams[sensor]) else { continue };
             let measurement = self.measure(&observation, wall);
             weight += 1.0 / measurement.variance;
             innovation += measurement.innovation / measurement.variance;
@@ -348,16 +325,38 @@ impl EkfSlam {
             if !matches!(self.associations[sensor], Association::Unexplained) {
                 continue;
             }
-            let Some(observation) = observe_wall(&self.params.beam, pose, &sweep.beams[sensor]) else { continue };
-            let Some(new) = self.initializer.add(&observation, sweep.index) else { continue };
+            let Some(observation) = observe_wall(&self.beam, pose, &sweep.beams[sensor]) else { continue };
+            let sigma_m = self.beam.range_sigma_m;
+            if self.is_stray(&observation) {
+                continue;
+            }
+            let Some(new) = self.initializer.add(&observation, sweep.index, sigma_m) else { continue };
             let h_robot = observation.h_robot * -observation.side.sign();
-            if self.filter.add(new.offset_m, &h_robot, self.params.slam.same_noise_m2()).is_some() {
+            let variance = self.params.slam.same_noise_m2() + new.mean_variance(sigma_m, self.params.noise.usual_m);
+            if self.filter.add(new.offset_m, &h_robot, variance).is_some() {
                 let (lo_m, hi_m, now) = (new.lo_m, new.hi_m, sweep.index);
                 let wall =
                     WallLandmark { side: new.side, lo_m, hi_m, hits: 1, last_sweep: now, first_sweep: Some(now) };
                 self.walls.push(wall);
             }
         }
+    }
+
+    /// True for a return that fails the gate of a known wall, but only by as much as noisy readings do: several of these together would
+    /// be taken for a second wall beside it.
+    fn is_stray(&self, observation: &WallObservation) -> bool {
+        let noise = &self.params.noise;
+        let unusual_m2 = self.beam.range_sigma_m.powi(2) - noise.usual_m.powi(2);
+        if unusual_m2 <= 0.0 {
+            return false;
+        }
+        let (stray_m, along_m, margin_m) =
+            (noise.stray_sigmas * unusual_m2.sqrt(), observation.along_m, self.params.slam.margin_m);
+        self.walls.iter().enumerate().any(|(index, wall)| {
+            let reaches = along_m > wall.lo_m - margin_m && along_m < wall.hi_m + margin_m;
+            let off_m = (self.filter.offset_m(index) - observation.offset_m()).abs();
+            wall.side == observation.side && reaches && off_m < stray_m
+        })
     }
 
     /// Merges two walls that are the same. Only walls that this sweep observed have moved.
@@ -390,7 +389,7 @@ impl EkfSlam {
         let gap_m = (one.lo_m - other.hi_m).max(other.lo_m - one.hi_m);
         let apart_m = (self.filter.offset_m(a) - self.filter.offset_m(b)).abs();
         gap_m <= params.same_gap_m
-            && apart_m <= params.same_wall_m
+            && apart_m <= params.same_wall_m.max(self.params.noise.same_sigmas * self.beam.range_sigma_m)
             && apart_m.powi(2) <= params.same_gate * (self.filter.difference_variance(a, b) + params.same_noise_m2())
     }
 }

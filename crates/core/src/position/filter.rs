@@ -255,6 +255,18 @@ impl Filter {
         }
     }
 
+    /// Sets the wheels' ratio and base, as in the state, to what they were with these variances, and clears their correlations.
+    pub(super) fn set_wheels(&mut self, wheels: [f64; 2], variances: [f64; 2]) {
+        for (row, (value, variance)) in (3..).zip(wheels.into_iter().zip(variances)) {
+            self.robot[row] = value;
+            self.robot_cov.row_mut(row).fill(0.0);
+            self.robot_cov.column_mut(row).fill(0.0);
+            self.robot_cov[(row, row)] = variance;
+            self.cross.iter_mut().for_each(|cross| cross[row] = 0.0);
+        }
+        self.slip = 1.0;
+    }
+
     /// x += K ν and P −= K S Kᵀ, where the column is P Hᵀ: symmetric by construction.
     fn correct(&mut self, robot_column: &Robot, s: f64, innovation: f64) {
         let walls = self.walls();

@@ -6,7 +6,7 @@
 //! `mean += (x − mean) / n`, `S += (x − mean_before)(x − mean)`.
 
 use super::beam_model::{Side, WallObservation};
-use super::params::InitializerParams;
+use super::params::{InitializerParams, NoiseParams};
 
 /// A cluster that may become a wall.
 #[derive(Clone, Copy, Debug)]
@@ -33,6 +33,7 @@ pub(crate) struct Candidate {
 pub(crate) struct LandmarkInitializer {
     candidates: Vec<Candidate>,
     params: InitializerParams,
+    noise: NoiseParams,
 }
 
 /// Candidates held at most; the oldest gives way.
@@ -41,13 +42,16 @@ const MAX_CANDIDATES: usize = 64;
 impl LandmarkInitializer {
     /// No candidates yet.
     #[must_use]
-    pub(crate) fn new(params: InitializerParams) -> Self {
-        Self { candidates: Vec::with_capacity(MAX_CANDIDATES), params }
+    pub(crate) fn new(params: InitializerParams, noise: NoiseParams) -> Self {
+        Self { candidates: Vec::with_capacity(MAX_CANDIDATES), params, noise }
     }
 
-    /// Adds an observation that no wall explains. Returns the candidate once it is a wall.
-    pub(crate) fn add(&mut self, observation: &WallObservation, sweep: u64) -> Option<Candidate> {
-        let params = &self.params;
+    /// Adds an observation that no wall explains, of a reading with the standard deviation `sigma_m`. Returns the candidate once it
+    /// is a wall.
+    pub(crate) fn add(&mut self, observation: &WallObservation, sweep: u64, sigma_m: f64) -> Option<Candidate> {
+        let (params, noise) = (&self.params, &self.noise);
+        let near_m = params.near_m.max(noise.near_sigmas * sigma_m);
+        let max_scatter_m = params.max_scatter_m.max(noise.scatter_sigmas * sigma_m);
         if observation.oblique_rad > params.max_oblique_rad {
             return None;
         }
@@ -60,7 +64,7 @@ impl LandmarkInitializer {
             .enumerate()
             .filter(|(_, c)| c.side == observation.side && c.reaches(observation.along_m, params.reach_m))
             .map(|(index, c)| ((c.offset_m - offset_m).abs(), index))
-            .filter(|(gap_m, _)| *gap_m < params.near_m)
+            .filter(|(gap_m, _)| *gap_m < near_m)
             .min_by(|a, b| a.0.total_cmp(&b.0));
         let Some((_, index)) = nearest else {
             if self.candidates.len() == MAX_CANDIDATES {
@@ -83,7 +87,7 @@ impl LandmarkInitializer {
         };
         let candidate = &mut self.candidates[index];
         candidate.extend(offset_m, observation.along_m, sensor_m, sweep);
-        candidate.is_wall(params).then(|| self.candidates.swap_remove(index))
+        candidate.is_wall(params, max_scatter_m).then(|| self.candidates.swap_remove(index))
     }
 
     /// Forgets all candidates.
@@ -93,6 +97,11 @@ impl LandmarkInitializer {
 }
 
 impl Candidate {
+    /// How much less sure the mean offset is than that of usual readings, m², for readings with the standard deviation `sigma_m`.
+    pub(crate) fn mean_variance(&self, sigma_m: f64, usual_m: f64) -> f64 {
+        (sigma_m * sigma_m - usual_m * usual_m).max(0.0) / f64::from(self.hits)
+    }
+
     fn reaches(&self, along_m: f64, reach_m: f64) -> bool {
         along_m > self.lo_m - reach_m && along_m < self.hi_m + reach_m
     }
@@ -110,12 +119,12 @@ impl Candidate {
         self.sensor_hi_m = self.sensor_hi_m.max(sensor_m);
     }
 
-    fn is_wall(&self, params: &InitializerParams) -> bool {
+    fn is_wall(&self, params: &InitializerParams, max_scatter_m: f64) -> bool {
         self.hits >= params.min_hits
             && self.sweeps >= params.min_sweeps
             && self.hi_m - self.lo_m >= params.min_extent_m
             && self.sensor_hi_m - self.sensor_lo_m >= params.min_travel_m
-            && self.scatter_m2 / f64::from(self.hits) <= params.max_scatter_m * params.max_scatter_m
+            && self.scatter_m2 / f64::from(self.hits) <= max_scatter_m * max_scatter_m
     }
 }
 
@@ -129,7 +138,7 @@ mod tests {
 
     /// Drives along y at 5 cm a sweep; each sweep's beam toward +x measures `range_m` of the position along y.
     fn drive(range_m: impl Fn(f64) -> f64) -> Option<Candidate> {
-        let mut initializer = LandmarkInitializer::new(InitializerParams::default());
+        let mut initializer = LandmarkInitializer::new(InitializerParams::default(), NoiseParams::default());
         (0u32..20).find_map(|sweep| {
             let y_m = 0.05 * f64::from(sweep);
             let beam = Beam {
@@ -140,7 +149,7 @@ mod tests {
                 half_angle_rad: 0.2,
             };
             let observation = observe_wall(&BeamParams::default(), Pose2::new(0.0, y_m, 0.0), &beam)?;
-            initializer.add(&observation, u64::from(sweep))
+            initializer.add(&observation, u64::from(sweep), 0.02)
         })
     }
 

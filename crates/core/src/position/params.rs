@@ -23,6 +23,10 @@ pub struct Params {
     pub monitor: MonitorParams,
     /// Whiteness of heading innovations.
     pub whiteness: WhitenessParams,
+    /// The noise of a reading.
+    pub noise: NoiseParams,
+    /// Agreement of walls and wheels.
+    pub agreement: AgreementParams,
     /// Global search of a lost robot.
     pub relocalize: RelocalizeParams,
 }
@@ -289,21 +293,25 @@ impl Default for MonitorParams {
 /// | `gain` | 0.1 | - | by hand: some twenty innovations of memory | too small: a repeated error is noticed late; too large: chance looks like one |
 /// | `white_sigma` | 2.0 | sigma | by hand: 95 % of white means lie within | too small: good headings count for less; too large: repeated errors turn the robot |
 /// | `max_sigma` | 3.0 | sigma | by hand | too large: one outlier counts as a repeated error |
+/// | `nis_gain` | 0.01 | - | by hand: a hundred innovations of memory | too small: the stated covariance grows late; too large: it flickers |
 #[expect(missing_docs, reason = "the table describes each field")]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WhitenessParams {
     pub gain: f64,
     pub white_sigma: f64,
     pub max_sigma: f64,
+    pub nis_gain: f64,
 }
 
 impl Default for WhitenessParams {
     fn default() -> Self {
-        Self { gain: 0.1, white_sigma: 2.0, max_sigma: 3.0 }
+        Self { gain: 0.1, white_sigma: 2.0, max_sigma: 3.0, nis_gain: 0.01 }
     }
 }
 
+pub use super::range_noise::NoiseParams;
 pub use super::relocalize::RelocalizeParams;
+pub use super::wheel_agreement::AgreementParams;
 
 /// Differences between the tables and the defaults of a source: each row's value must stand in its struct's `Default`.
 #[cfg(test)]
@@ -337,7 +345,9 @@ mod tests {
     #[test]
     fn each_table_tells_the_defaults() {
         assert_eq!(table_errors(include_str!("params.rs")), Vec::<String>::new());
+        assert_eq!(table_errors(include_str!("range_noise.rs")), Vec::<String>::new());
         assert_eq!(table_errors(include_str!("relocalize.rs")), Vec::<String>::new());
+        assert_eq!(table_errors(include_str!("wheel_agreement.rs")), Vec::<String>::new());
         let wrong = include_str!("params.rs").replace("gate_sigma: 2.2", "gate_sigma: 2.3");
         assert_eq!(table_errors(&wrong), ["gate_sigma: 2.2"]);
     }

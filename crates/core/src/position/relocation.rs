@@ -28,6 +28,13 @@ impl EkfSlam {
 
     /// Moves the robot to `pose` and removes the walls that were initialized from the sweep `since` on.
     pub fn relocate(&mut self, pose: Pose2, since: u64) {
+        let params = &self.params.slam;
+        self.return_to(pose, since, [params.relocalized_sigma_m, params.relocalized_sigma_rad]);
+        self.agreement.reset();
+    }
+
+    /// The same, with the pose known to `sigmas`: metres and radians.
+    pub(super) fn return_to(&mut self, pose: Pose2, since: u64, sigmas: [f64; 2]) {
         for wall in (0..self.walls.len()).rev() {
             if self.walls[wall].is_since(since) {
                 self.walls.swap_remove(wall);
@@ -36,13 +43,13 @@ impl EkfSlam {
         }
         self.initializer.clear();
         self.associations.clear();
-        let params = &self.params.slam;
-        self.filter.relocate(pose, params.relocalized_sigma_m, params.relocalized_sigma_rad);
+        self.filter.relocate(pose, sigmas[0], sigmas[1]);
     }
 
-    /// Forgets the readings that contradicted the map.
+    /// Forgets the readings that contradicted the map, and what the walls did to the pose meanwhile.
     pub fn reset_monitor(&mut self) {
         self.monitor.reset();
+        self.agreement.reset();
     }
 }
 

@@ -9,7 +9,7 @@ use super::history::History;
 use super::hypothesis::RobotModel;
 use super::naming;
 use crate::config::Config;
-use crate::event::{Calibration, Event, LocalizationChange, LocalizationEvent, SensorState};
+use crate::event::{Calibration, EncoderState, Event, LocalizationChange, LocalizationEvent, SensorState, Wheel};
 use crate::geometry::{Pose2, Ring, Segment};
 use crate::mapping::grid::MapChange;
 use crate::mapping::raster::Raster;
@@ -36,6 +36,7 @@ pub(crate) struct CheckedSlam {
     history: History,
     doubt: Doubt,
     is_lost: bool,
+    encoders: [EncoderState; 2],
     /// Added to the map's revisions: the map before the last restart had fewer.
     first_revision: u64,
 }
@@ -79,6 +80,7 @@ impl CheckedSlam {
             history,
             doubt: Doubt::None,
             is_lost: false,
+            encoders: [EncoderState::Healthy; 2],
             first_revision: 0,
             params: params.clone(),
         }
@@ -99,6 +101,17 @@ impl CheckedSlam {
         self.corrected.clone_from(sweep);
         self.model.correct(&mut self.corrected, &self.ring, self.config.robot.wheel_base_m, &mut self.odometry);
         self.slam.update(&self.corrected, events);
+    }
+
+    /// Notes what the new events say of the encoders. True while one is dead: then wheels and walls cannot be compared.
+    fn follow_encoders(&mut self, events: &[Event], earlier: usize) -> bool {
+        for event in events.iter().skip(earlier) {
+            if let Event::Encoder(encoder) = event {
+                self.encoders[usize::from(encoder.wheel == Wheel::Right)] = encoder.state;
+                self.check.clear();
+            }
+        }
+        self.encoders.contains(&EncoderState::Dead)
     }
 
     /// Says what was found, and begins anew with it where that is possible.
@@ -143,7 +156,7 @@ impl CheckedSlam {
                     states.get(fault.sensor) == Some(&fault.state) && before.get(fault.sensor) != Some(&fault.state)
                 }
                 Event::Estimate(_) => Some(index) == newest,
-                Event::Localization(_) => false,
+                Event::Localization(_) | Event::Model(_) => false,
                 _ => true,
             };
             if is_news {
@@ -156,7 +169,9 @@ impl CheckedSlam {
         let since = Timestamp::default();
         if self.doubt == Doubt::None {
             self.doubt = Doubt::Open(since);
-            events.push(doubted(at, since, reason));
+            if !self.is_lost {
+                events.push(doubted(at, since, reason));
+            }
         }
     }
 
@@ -196,6 +211,9 @@ impl Estimator for CheckedSlam {
             if !is_lost && self.doubt != Doubt::None {
                 events.push(doubted(sweep.at, sweep.at, SUSPECTED));
             }
+        }
+        if self.follow_encoders(events, earlier) {
+            return;
         }
         let (believed, states) = (self.believed(), self.slam.states());
         let is_trusted = |sensor: usize| states.get(sensor) == Some(&SensorState::Healthy);

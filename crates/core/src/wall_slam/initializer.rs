@@ -127,6 +127,7 @@ fn refine(
     for _ in 0..params.refine_passes {
         let from_rad = agreed.filter.pose().theta_rad;
         let mut trial = ekf_at(position, from_rad, params.axis_sigma_rad, wheels);
+        trial.adopt_noise(&agreed);
         for sweep in sweeps {
             trial.predict(sweep.left_m, sweep.right_m);
             trial.correct(sweep, true, &is_trusted);
@@ -139,6 +140,7 @@ fn refine(
         let apart_rad = wrap_angle(from_rad - back_rad);
         let weight = 0.5 / (1.0 + (apart_rad / params.refine_apart_rad).powi(2));
         agreed = ekf_at(position, wrap_angle(back_rad + weight * apart_rad), sigma_rad, wheels);
+        agreed.adopt_noise(&trial);
     }
     agreed
 }

@@ -49,6 +49,7 @@ impl Relocalizing {
             return Following::Relocalizing(Self { robot, relocalizer });
         };
         corrected.robot.ekf.reset_monitor();
+        stages.learn_errors(&corrected.robot.ekf);
         events.push(Event::Localization(LocalizationEvent { at: sweep.at, since: relocalizer.since, change }));
         Following::Tracking(Tracking { robot: corrected.publish(None, events) })
     }

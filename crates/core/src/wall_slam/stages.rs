@@ -1,5 +1,6 @@
 //! What every mode uses: the fault tests, the heading check and the map.
 
+use super::doubts::{Doubt, Doubts};
 use super::expected_range;
 use super::params::Params;
 use crate::config::Config;
@@ -12,6 +13,7 @@ use crate::orientation::dominant_directions::DominantDirections;
 use crate::params;
 use crate::position;
 use crate::position::ekf_slam::EkfSlam;
+use crate::robot_model::{ModelAspect, ModelEvent, ModelFinding, ModelState};
 use crate::sweep::{Beam, Sweep};
 use crate::time::Timestamp;
 
@@ -34,6 +36,9 @@ pub(super) struct Stages {
     pub(super) can_detect_loss: bool,
     /// The last sweep whose echoes agreed with the walls.
     pub(super) last_agreement: (u64, Timestamp),
+    pub(super) doubts: Doubts,
+    /// The noise that the readings show, metres, if it is far more than configured; and whether that was told.
+    far_range_sigma_m: (Option<f64>, bool),
 }
 
 /// The returns since the last check of the heading.
@@ -46,18 +51,26 @@ struct HeadingCheck {
 impl Stages {
     pub(super) fn new(config: &Config, ring: &Ring, params: &params::Params) -> Self {
         let finder = DominantDirections::new(params.orientation);
+        let mut position = params.position;
+        if let Some(range_sigma_m) = config.ring.range_sigma_m {
+            position.beam.range_sigma_m = range_sigma_m;
+        }
+        let mut detector = Detector::with_params(ring, config.ring.max_range_m, params.fault.clone());
+        detector.set_range_sigma(position.beam.range_sigma_m);
         Self {
             max_range_m: config.ring.max_range_m,
             wheels: config.robot.wheels(),
-            detector: Detector::with_params(ring, config.ring.max_range_m, params.fault.clone()),
+            detector,
             encoders: EncoderWatch::with_params(ring, config.robot.wheel_base_m, params.fault.clone()),
             heading_check: HeadingCheck { directions: finder.clone(), sweeps: 0 },
             finder,
             grid: OccupancyGrid::with_params(config.map.cell_m, params.mapping),
             can_detect_loss: ring.len() >= params.wall_slam.min_sensors_to_detect_loss,
             last_agreement: (0, Timestamp::default()),
+            doubts: Doubts::default(),
+            far_range_sigma_m: (None, false),
             params: params.wall_slam,
-            position: params.position,
+            position,
         }
     }
 
@@ -69,6 +82,37 @@ impl Stages {
             expected_range::expected(grid, map_from_sensor, beam.half_angle_rad, *max_range_m, params)
         };
         detector.inspect(sweep, expected, events);
+    }
+
+    /// Takes what a corrected filter knows of the readings' noise and of its own errors.
+    pub(super) fn learn_errors(&mut self, ekf: &EkfSlam) {
+        self.detector.set_range_sigma(ekf.range_sigma_m());
+        self.far_range_sigma_m.0 = ekf.far_range_sigma_m();
+        let cov = ekf.stated_covariance();
+        let variance = cov[(0, 0)] + cov[(1, 1)];
+        let is_vague = self.doubts.holds(Doubt::Vague);
+        let limit_m = if is_vague { self.params.known_sigma_m } else { self.params.vague_sigma_m };
+        self.doubts.set(Doubt::Vague, variance > limit_m * limit_m);
+        self.doubts.set(Doubt::Dragged, ekf.is_dragged());
+    }
+
+    /// Tells why the pose is doubtful, and that the readings' noise is another than configured. `told` events are older than the sweep.
+    pub(super) fn tell_doubts(&mut self, sweep: &Sweep, told: usize, events: &mut Vec<Event>) {
+        self.doubts.set(Doubt::RingSuspect, self.detector.is_ring_suspect());
+        self.doubts.tell(sweep.at, told, events);
+        if let (Some(range_sigma_m), false) = self.far_range_sigma_m {
+            self.far_range_sigma_m.1 = true;
+            let prior_m = self.position.beam.range_sigma_m;
+            let finding = ModelFinding {
+                aspect: ModelAspect::RangeNoise,
+                measured: range_sigma_m,
+                sigma: 0.25 * range_sigma_m,
+                clause: format!("readings scatter by {range_sigma_m:.2} m, not by {prior_m:.2} m"),
+                remedies: vec![("ring.range_sigma_m", format!("{range_sigma_m:.2}"))],
+            };
+            let event = ModelEvent { at: sweep.at, since: sweep.at, finding, state: ModelState::Corrected };
+            events.push(Event::Model(event));
+        }
     }
 
     /// Runs the encoders' fault tests.

@@ -88,6 +88,7 @@ impl Predicted {
         debug_assert_eq!(self.sweep, sweep.index, "the prediction of another sweep");
         self.robot.ekf.correct(sweep, permit.is_some(), |sensor| stages.detector.is_trusted(sensor));
         stages.check_heading(&mut self.robot.ekf, sweep);
+        stages.learn_errors(&self.robot.ekf);
         Corrected { robot: self.robot, sweep }
     }
 }
@@ -154,7 +155,7 @@ impl Corrected<'_> {
             at: sweep.at,
             sweep: sweep.index,
             pose,
-            covariance: covariance.unwrap_or_else(|| robot.ekf.filter.pose_covariance()),
+            covariance: covariance.unwrap_or_else(|| robot.ekf.stated_covariance()),
             odometry: sweep.odometry,
             nis: robot.ekf.nis(),
         }));

@@ -4,6 +4,7 @@ mod allocation;
 mod config;
 mod faults;
 mod handshake;
+mod honest;
 mod link_states;
 mod localize;
 mod lock;
