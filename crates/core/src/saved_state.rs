@@ -44,7 +44,8 @@ impl SavedState {
 /// The filter's state x and covariance P.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FilterState {
-    /// The robot's part of x: x, y (m), theta (rad), relative errors of the nominal wheel ratio and wheel base.
+    /// The robot's part of x: x, y (m), theta (rad), relative errors of the nominal wheel ratio, wheel base and
+    /// travel; older files lack the last.
     pub robot: Vec<f64>,
     /// The walls' part of x: offsets, metres.
     pub offsets_m: Vec<f64>,

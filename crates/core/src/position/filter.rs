@@ -2,7 +2,7 @@
 //!
 //! | symbol | meaning |
 //! |---|---|
-//! | x | state: x, y (m), theta (rad), `k_r`, `k_b` relative errors of the configured wheel ratio and wheel base, then one offset (m) per wall |
+//! | x | state: x, y (m), theta (rad), `k_r`, `k_b`, `k_s` relative errors of the configured wheel ratio, wheel base and travel, then one offset (m) per wall |
 //! | P | covariance of x |
 //! | F, Q | motion: how the old state moves the new one, and the noise of the wheels |
 //! | H, R | measurement: how the state moves the expected distance, and the noise of the distance |
@@ -21,7 +21,7 @@ use crate::geometry::{Pose2, sinc};
 use nalgebra::{Matrix3, SMatrix, SVector};
 
 /// The robot's part of the state.
-pub(crate) const ROBOT: usize = 5;
+pub(crate) const ROBOT: usize = 6;
 /// Walls that the filter holds at most.
 pub(crate) const MAX_WALLS: usize = 160;
 
@@ -68,9 +68,10 @@ impl Filter {
     pub fn with_params(params: FilterParams, pose: Pose2, heading_sigma_rad: f64, nominal: Calibration) -> Self {
         let start_m = params.start_sigma_m;
         let base_sigma = nominal.wheel_base_sigma_m / nominal.wheel_base_m;
-        let sigmas = Robot::new(start_m, start_m, heading_sigma_rad, nominal.wheel_ratio_sigma, base_sigma);
+        let sigmas =
+            Robot::new(start_m, start_m, heading_sigma_rad, nominal.wheel_ratio_sigma, base_sigma, params.travel_sigma);
         Self {
-            robot: Robot::new(pose.x_m, pose.y_m, pose.theta_rad, 0.0, 0.0),
+            robot: Robot::new(pose.x_m, pose.y_m, pose.theta_rad, 0.0, 0.0, 0.0),
             offsets: Vec::with_capacity(MAX_WALLS),
             robot_cov: SMatrix::from_diagonal(&sigmas.component_mul(&sigmas)),
             cross: Vec::with_capacity(MAX_WALLS),
@@ -123,13 +124,20 @@ impl Filter {
         }
     }
 
+    /// True over reported travel, and its uncertainty.
+    #[must_use]
+    pub fn travel_scale(&self) -> (f64, f64) {
+        (1.0 + self.robot[5], self.robot_cov[(5, 5)].sqrt())
+    }
+
     /// Predicts the pose after the wheels have rolled by `left_m` and `right_m` as the configured wheels would.
     pub fn predict(&mut self, left_m: f64, right_m: f64) {
         let [ratio, base] = [self.robot[3], self.nominal.wheel_base_m * (1.0 + self.robot[4])];
         let left = left_m * (1.0 - 0.5 * ratio);
         let right = right_m * (1.0 + 0.5 * ratio);
         let dtheta = (right - left) / base;
-        let ds = 0.5 * (left + right);
+        let reported = 0.5 * (left + right);
+        let ds = reported * (1.0 + self.robot[5]);
         let (sin, cos) = libm::sincos(self.robot[2] + 0.5 * dtheta);
         let chord = ds * sinc(0.5 * dtheta);
         self.robot[0] += chord * cos;
@@ -137,8 +145,8 @@ impl Filter {
         self.robot[2] = crate::geometry::wrap_angle(self.robot[2] + dtheta);
 
         // The chain rule gives the Jacobians by the wheels' parameters.
-        let j_dtheta = Robot::new(-0.5 * ds * sin, 0.5 * ds * cos, 1.0, 0.0, 0.0);
-        let j_ds = Robot::new(cos, sin, 0.0, 0.0, 0.0);
+        let j_dtheta = Robot::new(-0.5 * ds * sin, 0.5 * ds * cos, 1.0, 0.0, 0.0, 0.0);
+        let j_ds = Robot::new(cos, sin, 0.0, 0.0, 0.0, 0.0);
         let mut f = SMatrix::<f64, ROBOT, ROBOT>::identity();
         f[(0, 2)] = -chord * sin;
         f[(1, 2)] = chord * cos;
@@ -147,6 +155,7 @@ impl Filter {
         for row in 0..3 {
             f[(row, 3)] = j_ratio[row];
             f[(row, 4)] = j_base[row];
+            f[(row, 5)] = j_ds[row] * reported;
         }
         let noise_m = self.slip * self.params.wheel_noise_m;
         let (left_noise, right_noise) = (noise_m * left.abs(), noise_m * right.abs());
@@ -156,6 +165,7 @@ impl Filter {
         let drift = self.params.wheel_drift_m * (left.abs() + right.abs());
         q[(3, 3)] += drift;
         q[(4, 4)] += drift;
+        q[(5, 5)] += drift;
         self.robot_cov = f * self.robot_cov * f.transpose() + q;
         for cross in &mut self.cross {
             *cross = f * *cross;
@@ -303,7 +313,7 @@ mod tests {
     }
 
     fn observe_wall(wall: usize, innovation: f64) -> Measurement {
-        let robot = Robot::new(-1.0, 0.0, 0.1, 0.0, 0.0);
+        let robot = Robot::new(-1.0, 0.0, 0.1, 0.0, 0.0, 0.0);
         Measurement { innovation, robot, wall: (wall, 1.0), variance: 4e-4 }
     }
 
@@ -372,7 +382,7 @@ mod tests {
         filter.robot_cov = SMatrix::identity();
         filter.predict(0.05, 0.08);
         // With P = 1 the prediction gives F Fᵀ + Q; Q is four orders smaller.
-        let f = SMatrix::<f64, ROBOT, ROBOT>::from_columns(&[0, 1, 2, 3, 4].map(jacobian_column));
+        let f = SMatrix::<f64, ROBOT, ROBOT>::from_columns(&[0, 1, 2, 3, 4, 5].map(jacobian_column));
         assert!((filter.robot_cov - f * f.transpose()).amax() < 1e-3);
     }
 }

@@ -77,6 +77,8 @@ pub(super) struct Stretch {
     /// The wheels as known at its start, and the variances of ratio and base.
     pub(super) wheels: [f64; 2],
     pub(super) wheel_variances: [f64; 2],
+    /// True over reported travel at its start.
+    travel: f64,
     heading_variance: f64,
     length_m: f64,
     turned_rad: f64,
@@ -98,8 +100,10 @@ impl WheelAgreement {
     pub(super) fn roll(&mut self, nominal: &Calibration, left_m: f64, right_m: f64) {
         let Some(stretch) = &mut self.stretch else { return };
         let [ratio, base] = stretch.wheels;
-        let (left_m, right_m) = (left_m * (1.0 - 0.5 * ratio), right_m * (1.0 + 0.5 * ratio));
-        let base_m = nominal.wheel_base_m * (1.0 + base);
+        let travel = stretch.travel;
+        let (left_m, right_m) = (travel * left_m * (1.0 - 0.5 * ratio), travel * right_m * (1.0 + 0.5 * ratio));
+        // The base grows with the travel, so that turning stays as it is.
+        let base_m = travel * nominal.wheel_base_m * (1.0 + base);
         stretch.by_wheels = stretch.by_wheels.rolled(left_m, right_m, base_m);
         stretch.length_m += 0.5 * (left_m + right_m).abs();
         stretch.turned_rad += ((right_m - left_m) / base_m).abs();
@@ -170,6 +174,7 @@ impl Stretch {
             by_wheels: filter.pose(),
             wheels: [filter.robot[3], filter.robot[4]],
             wheel_variances: [filter.robot_cov[(3, 3)], filter.robot_cov[(4, 4)]],
+            travel: filter.travel_scale().0,
             heading_variance: filter.robot_cov[(2, 2)],
             length_m: 0.0,
             turned_rad: 0.0,

@@ -89,7 +89,11 @@ impl CheckedSlam {
     /// The configured robot with all that was found and learnt of it so far.
     fn believed(&self) -> RobotModel {
         let learnt_base_m = self.slam.wheels().wheel_base_m;
-        RobotModel { turn: self.model.turn * self.config.robot.wheel_base_m / learnt_base_m, ..self.model }
+        RobotModel {
+            travel: self.model.travel * self.slam.travel_scale(),
+            turn: self.model.turn * self.config.robot.wheel_base_m / learnt_base_m,
+            ..self.model
+        }
     }
 
     /// Hands a sweep to the method, as the believed robot made it.
@@ -139,7 +143,12 @@ impl CheckedSlam {
         self.first_revision += self.slam.map_since(u64::MAX).map_or(0, |(_, newest)| newest) + 2;
         self.model = found;
         self.odometry = Pose2::default();
-        self.slam = WallSlam::with_params(&self.config, &found.ring(&self.ring), &self.params);
+        // The search ends a few per cent beside the true robot; the filter learns the rest.
+        let (mut config, mut params) = (self.config.clone(), self.params.clone());
+        let sigma = self.params.robot_model.found_sigma;
+        config.robot.wheel_base_sigma_m = Some(sigma * config.robot.wheel_base_m);
+        params.position.filter.travel_sigma = sigma;
+        self.slam = WallSlam::with_params(&config, &found.ring(&self.ring), &params);
         let history = std::mem::replace(&mut self.history, History::new(0));
         let mut again = Vec::new();
         for sweep in history.whole().unwrap_or_default() {

@@ -11,17 +11,17 @@ use crate::geometry::degrees;
 /// | `max_keys` | 96 | sweeps | by design: 2.4 m at 0.25 m/s and 10 Hz | Too small: two hypotheses look alike. Too large: drift blurs the walls of the right one |
 /// | `min_keys` | 16 | sweeps | by design: less than a metre at 2 Hz | Too small: chance decides. Too large: a wrong robot is named late |
 /// | `first_keys` | 20 | sweeps | as `min_keys` | As `min_keys` |
-/// | `returns_per_key` | 8 | returns | measured: 16 tell the same robots apart | Too small: chance decides. Too large: time is wasted |
+/// | `returns_per_key` | 6 | returns | measured: 16 tell the same robots apart | Too small: chance decides. Too large: time is wasted |
 /// | `min_step_m` | 0.01 | m | by design: below half of a sweep's travel at walking pace | Too small: a standing robot fills the window. Too large: four times too few ticks fill it slowly |
 /// | `rim_m` | 0.15 | m | by design: radius of a usual ring | Too small: turning fills the window slowly. Too large: the window holds little travel |
 /// | `max_path_m` | 8.0 | m | by design: wheels drift by 2 % | Too small: little is seen at low rates. Too large: drift blurs walls |
 /// | `point_incidence_rad` | 35 | degrees | by design: as far off its normal as a wall is seen | Too small: point beams find no wall |
 /// | `rho_step_m` | 0.05 | m | by design: twice the noise of a reading | Too small: noise spreads votes. Too large: scales look alike |
 /// | `strong_log_ratio` | 0.9 | nat | by design: walls nearly twice as sharp need half the returns | As `first_keys` |
-/// | `steps_new` | 25 | hypotheses per sweep | by design: a round takes three sweeps until the robot is known | Too small: a wrong robot is named late. Too large: time is wasted |
+/// | `steps_new` | 15 | hypotheses per sweep | by design: a round takes five sweeps until the robot is known | Too small: a wrong robot is named late. Too large: time is wasted |
 /// | `steps_known` | 1 | hypotheses | by design | As `steps_new` |
 /// | `known_every_sweeps` | 4 | sweeps | by design: a few per cent of a sweep's time | As `steps_new` |
-/// | `known_keys` | 400 | sweeps | by design: some 10 m | Too small: the search becomes slow before a wrong robot shows. Too large: time is wasted |
+/// | `known_keys` | 200 | sweeps | by design: some 5 m | Too small: the search becomes slow before a wrong robot shows. Too large: time is wasted |
 /// | `fits_ratio` | 1.1 | 1 | homes 1-60: nineteen of twenty windows of a right robot lie below | Too small: false alarms. Too large: small differences are not seen |
 /// | `suspect_evidence` | 0.3 | nat | as `fits_ratio` | Too small: doubts without a cause. Too large: a wrong robot is silent for longer |
 /// | `evidence_keys` | 10 | sweeps | by design: a tenth of the window is new | Too small: one chance counts many times. Too large: a wrong robot is named late |
@@ -34,6 +34,7 @@ use crate::geometry::degrees;
 /// | `factor_penalty` | 0.1 | nat per e-fold | by design: a compressed layout is a little sharper by itself | Too small: an empty corridor stops the robot. Too large: wrong scales are found late |
 /// | `known_caution` | 2.0 | 1 | by design: a robot that fitted for metres does not change | Too small: slip becomes a lasting doubt. Too large: a late change is never named |
 /// | `learnt_distance` | 0.8 | 1 | by design: a base that is off by a sixth | Too small: a good map is begun anew for little. Too large: the map keeps what was drawn before the base was learnt |
+/// | `found_sigma` | 0.08 | 1 | by design: the resolution of the search | Too small: the filter keeps its error. Too large: the first false wall stretches the map |
 /// | `max_history_sweeps` | 600 | sweeps | by design: a minute at 10 Hz | Too small: a wrong robot is named but not corrected. Too large: memory, and the time of a restart |
 #[expect(missing_docs, reason = "the table describes each field")]
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,6 +65,7 @@ pub struct Params {
     pub factor_penalty: f64,
     pub known_caution: f64,
     pub learnt_distance: f64,
+    pub found_sigma: f64,
     pub max_history_sweeps: usize,
 }
 
@@ -73,17 +75,17 @@ impl Default for Params {
             max_keys: 96,
             min_keys: 16,
             first_keys: 20,
-            returns_per_key: 8,
+            returns_per_key: 6,
             min_step_m: 0.01,
             rim_m: 0.15,
             max_path_m: 8.0,
             point_incidence_rad: degrees(35.0),
             rho_step_m: 0.05,
             strong_log_ratio: 0.9,
-            steps_new: 25,
+            steps_new: 15,
             steps_known: 1,
             known_every_sweeps: 4,
-            known_keys: 400,
+            known_keys: 200,
             fits_ratio: 1.1,
             suspect_evidence: 0.3,
             evidence_keys: 10.0,
@@ -96,6 +98,7 @@ impl Default for Params {
             factor_penalty: 0.1,
             known_caution: 2.0,
             learnt_distance: 0.8,
+            found_sigma: 0.08,
             max_history_sweeps: 600,
         }
     }

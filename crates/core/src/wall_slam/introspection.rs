@@ -103,6 +103,11 @@ impl WallSlam {
         self.ekf().map_or(self.stages.wheels, |ekf| ekf.filter.calibration())
     }
 
+    /// True over reported travel as learnt so far.
+    pub(crate) fn travel_scale(&self) -> f64 {
+        self.ekf().map_or(1.0, |ekf| ekf.filter.travel_scale().0)
+    }
+
     fn ekf(&self) -> Option<&EkfSlam> {
         self.mode.robot().map(|robot| &robot.ekf)
     }
