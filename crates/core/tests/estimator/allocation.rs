@@ -39,8 +39,8 @@ fn cause(pipeline: &mut Pipeline, input: Input<'_>) -> Caused {
 }
 
 /// Tiles of the map and walls, as far as the method remembers them.
-fn kept(pipeline: &Pipeline) -> usize {
-    pipeline.saved_state().map_or(0, |memory| memory.map.tiles.len() + memory.walls.len() + memory.inactive.len())
+fn kept(pipeline: &Pipeline) -> [usize; 2] {
+    pipeline.saved_state().map_or([0; 2], |memory| [memory.map.tiles.len(), memory.walls.len() + memory.inactive.len()])
 }
 
 /// Replays a committed capture; gives the sweeps after the warm-up and complaints about those that allocated without a reason.
@@ -49,7 +49,7 @@ fn allocating(capture: &str) -> (u64, Vec<String>) {
     let mut capture = CaptureReader::open(&path).unwrap();
     let config = Config::from_toml(&capture.info().config_toml).unwrap();
     let mut pipeline = slamd_paper::pipeline(&config, slamd_core::Start::Fresh).unwrap();
-    let (mut sweeps, mut complaints, mut before) = (0, Vec::new(), 0);
+    let (mut sweeps, mut complaints, mut before) = (0, Vec::new(), [0; 2]);
     let mut look = |pipeline: &mut Pipeline, at: Timestamp, input: Input<'_>| {
         let caused = cause(pipeline, input);
         if at.seconds() > WARM_UP_S {
