@@ -139,6 +139,10 @@ pub struct RingConfig {
     /// Sensors one by one.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub sensors: Vec<SensorConfig>,
+    /// Rotation of the whole ring against the geometry above or the board's, degrees counter-clockwise.
+    pub rotation_deg: f64,
+    /// True if left and right of that geometry are exchanged: the sensors are numbered the other way round.
+    pub mirrored: bool,
     /// Corrections of single sensors, found by `slamd calibrate`.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub corrections: Vec<CorrectionConfig>,
@@ -153,6 +157,8 @@ impl Default for RingConfig {
             temperature_c: 20.0,
             circle: None,
             sensors: Vec::new(),
+            rotation_deg: 0.0,
+            mirrored: false,
             corrections: Vec::new(),
         }
     }
@@ -258,14 +264,27 @@ impl RingConfig {
                     mounting.robot_from_sensor = Pose2::new(pose.x_m, -pose.y_m, -pose.theta_rad);
                 }
             }
-            return Some(ring);
+            return Some(self.mounted(ring));
         }
         let mountings = self.sensors.iter().map(|sensor| Mounting {
             robot_from_sensor: Pose2::new(sensor.x_m, sensor.y_m, sensor.bearing_deg.to_radians()),
             half_angle_rad: sensor.half_angle_deg.to_radians(),
             group: sensor.group,
         });
-        (!self.sensors.is_empty()).then(|| Ring { mountings: mountings.collect() })
+        (!self.sensors.is_empty()).then(|| self.mounted(Ring { mountings: mountings.collect() }))
+    }
+
+    /// A ring as it is mounted on the robot: mirrored and turned as configured.
+    #[must_use]
+    pub fn mounted(&self, mut ring: Ring) -> Ring {
+        let turned = Pose2::new(0.0, 0.0, self.rotation_deg.to_radians());
+        for mounting in &mut ring.mountings {
+            let pose = mounting.robot_from_sensor;
+            let mirrored = Pose2::new(pose.x_m, -pose.y_m, -pose.theta_rad);
+            let sided = if self.mirrored { mirrored } else { pose };
+            mounting.robot_from_sensor = if self.rotation_deg == 0.0 { sided } else { turned * sided };
+        }
+        ring
     }
 }
 
@@ -277,6 +296,17 @@ mod tests {
     fn defaults_survive_the_round_trip() {
         let config = Config::default();
         assert_eq!(Config::from_toml(&config.to_toml()), Ok(config));
+    }
+
+    #[test]
+    fn a_ring_is_mounted_mirrored_and_turned() {
+        let circle = "[ring.circle]\ncount = 4\nradius_m = 0.2\nhalf_angle_deg = 10\n";
+        let text = format!("[ring]\nrotation_deg = 30\nmirrored = true\n{circle}");
+        let ring = Config::from_toml(&text).unwrap().ring.ring().unwrap();
+        let degrees = |sensor: usize| ring.mountings[sensor].robot_from_sensor.theta_rad.to_degrees();
+        assert!((degrees(0) - 30.0).abs() < 1e-9 && (degrees(1) + 60.0).abs() < 1e-9);
+        let plain = Config::from_toml(circle).unwrap();
+        assert_eq!(plain.ring.ring(), Some(Ring::circle(4, 0.2, 10f64.to_radians(), 1)));
     }
 
     #[test]

@@ -100,8 +100,10 @@ impl PlainDrive {
         let half_rad = BeamShape::Cone.half_angle_rad();
         let ring = Ring::circle(self.sensors, 0.15, half_rad, 1);
         let mut slam = WallSlam::with_params(config, &ring, &Params::default());
-        let heading_rad =
-            self.world.start_heading_rad.unwrap_or(TAU * Random::new(self.seed, Stream::Start).uniform(0.0, 1.0));
+        let heading_rad = self
+            .world
+            .start_heading_rad
+            .unwrap_or_else(|| TAU * Random::new(self.seed, Stream::Start).uniform(0.0, 1.0));
         let start = Pose2::new(self.world.start.x, self.world.start.y, heading_rad);
         let mut robot = Robot::new(start, self.odometry_errors, Random::new(self.seed, Stream::Robot));
         let mut explorer = Explorer::new(&self.world, Random::new(self.seed, Stream::Explore));

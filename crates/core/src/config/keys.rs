@@ -126,6 +126,17 @@ fn ring() -> Vec<Key> {
             instead_of: Some("circle"),
             ..key("sensors", Shape::List(sensor(), MAX_SENSORS), "Sensors one by one, instead of the board's geometry.")
         },
+        number(
+            "rotation_deg",
+            -360.0,
+            360.0,
+            "Rotation of the whole ring against `circle`, `sensors` or the board's geometry, degrees counter-clockwise.",
+        ),
+        key(
+            "mirrored",
+            Shape::Flag,
+            "True if left and right of that geometry are exchanged: the sensors are numbered the other way round.",
+        ),
         key(
             "corrections",
             Shape::List(correction(), MAX_SENSORS),

@@ -137,7 +137,7 @@ impl Pipeline {
         match message {
             Message::Geometry(geometry) => {
                 if let Some(ring) = conversation.geometry(geometry, at, events) {
-                    self.use_ring(self.config.ring.ring().unwrap_or(ring), at);
+                    self.use_ring(self.config.ring.ring().unwrap_or_else(|| self.config.ring.mounted(ring)), at);
                 }
             }
             Message::ConfigValue { key, value } => conversation.setting(*key, *value, at),

@@ -117,15 +117,16 @@ impl ModelCheck {
     }
 
     /// True once the believed robot has fitted for some metres.
-    const fn is_known(&self) -> bool {
+    pub(super) const fn is_known(&self) -> bool {
         self.fitting_keys >= self.params.known_keys
     }
 
     /// Adds the evidence of a round.
     fn weigh(&mut self, believed: &RobotModel) -> Verdict {
         self.next = 0;
-        let Some((_, best)) = self.best.take() else { return Verdict::Open };
-        let (log_ratio, refined) = self.refine(best, believed);
+        let Some((coarse, best)) = self.best.take() else { return Verdict::Open };
+        // Refining takes as long as the round; it makes nothing of an alternative that is worse than the believed robot.
+        let (log_ratio, refined) = if coarse > 0.0 { self.refine(best, believed) } else { (coarse, best) };
         let excess = log_ratio - libm::log(self.params.fits_ratio);
         let part = (self.round_keys as f64 / self.params.evidence_keys).min(1.0);
         self.round_keys = 0;

@@ -34,6 +34,8 @@ pub(crate) struct CheckedSlam {
     corrected: Sweep,
     check: ModelCheck,
     history: History,
+    /// What the method says of the readings' noise, until the robot is known: the walls of a wrong one look noisy.
+    noise: Option<Event>,
     doubt: Doubt,
     is_lost: bool,
     encoders: [EncoderState; 2],
@@ -78,6 +80,7 @@ impl CheckedSlam {
             corrected: Sweep::default(),
             check: ModelCheck::new(ring, config.robot.wheel_base_m, &params.robot_model),
             history,
+            noise: None,
             doubt: Doubt::None,
             is_lost: false,
             encoders: [EncoderState::Healthy; 2],
@@ -143,6 +146,7 @@ impl CheckedSlam {
         self.first_revision += self.slam.map_since(u64::MAX).map_or(0, |(_, newest)| newest) + 2;
         self.model = found;
         self.odometry = Pose2::default();
+        self.noise = None;
         // The search ends a few per cent beside the true robot; the filter learns the rest.
         let (mut config, mut params) = (self.config.clone(), self.params.clone());
         let sigma = self.params.robot_model.found_sigma;
@@ -211,6 +215,9 @@ impl Estimator for CheckedSlam {
         self.history.push(sweep, self.params.wall_slam.axis_every_sweeps);
         let earlier = events.len();
         self.follow(sweep, events);
+        if let Some(noise) = events.iter().skip(earlier).position(|event| matches!(event, Event::Model(_))) {
+            self.noise = Some(events.remove(earlier + noise));
+        }
         if let Some(is_lost) = events.iter().skip(earlier).rev().find_map(lost) {
             // The window may lie before and after a kidnap.
             if is_lost && !self.is_lost {
@@ -232,7 +239,12 @@ impl Estimator for CheckedSlam {
             Verdict::Fits if believed.distance(&self.model) > self.params.robot_model.learnt_distance => {
                 self.adopt(believed, sweep.at, events);
             }
-            Verdict::Fits => self.end_doubt(sweep.at, events),
+            Verdict::Fits => {
+                self.end_doubt(sweep.at, events);
+                if self.check.is_known() {
+                    events.extend(self.noise.take());
+                }
+            }
             Verdict::Suspected => self.begin_doubt(sweep.at, SUSPECTED, events),
             Verdict::Found(found) => self.adopt(found, sweep.at, events),
         }

@@ -11,6 +11,7 @@ mod lock;
 mod noisy_map;
 mod params;
 mod resume;
+mod robot_model;
 mod sensor_faults;
 mod time_jumps;
 mod troubles;
