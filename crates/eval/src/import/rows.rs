@@ -177,7 +177,6 @@ fn step_s(pair: &[Row]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    #![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "a test")]
 
     use super::*;
 
