@@ -117,7 +117,9 @@ impl Sweeper {
     /// True if the group already arrived in the current cycle: it then starts a new one.
     #[must_use]
     pub(crate) fn has_heard(&self, group: u8) -> bool {
-        self.groups.get(usize::from(group / 64)).is_some_and(|groups| groups >> (group % 64) & 1 == 1)
+        // A group that no sensor belongs to names its sensors one by one, and may come many times in a cycle.
+        let is_of_ring = self.ring.mountings.iter().any(|mounting| mounting.group == group);
+        is_of_ring && self.groups.get(usize::from(group / 64)).is_some_and(|groups| groups >> (group % 64) & 1 == 1)
     }
 
     /// Adds one fired group; `at` is its trigger. Sensors outside the ring are ignored.

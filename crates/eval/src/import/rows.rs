@@ -177,7 +177,6 @@ fn step_s(pair: &[Row]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-
     use super::*;
 
     fn row(t_s: f64, left: Option<i32>, readings: &[f64]) -> Row {

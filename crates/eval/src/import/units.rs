@@ -91,7 +91,6 @@ impl Readings {
 
 #[cfg(test)]
 mod tests {
-
     use super::*;
 
     /// The verdict on ranges from 0.6 m to 2.95 m, of which each is so many of a unit.
