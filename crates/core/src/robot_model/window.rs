@@ -154,7 +154,7 @@ mod tests {
         let (mut farthest_m, mut sensors) = (0.0_f64, std::collections::BTreeSet::new());
         window.for_each_arc(&model, &ring, |arc| {
             farthest_m = farthest_m.max(arc.sensor.x_m);
-            sensors.insert((arc.sensor.theta_rad * 1e3) as i64);
+            sensors.insert(format!("{:.3}", arc.sensor.theta_rad));
         });
         assert!((farthest_m - 0.1 - 0.5 * 0.02 * (window.len() - 1) as f64).abs() < 0.02, "{farthest_m}");
         assert_eq!(sensors.len(), 32, "all sensors take their turn");

@@ -16,6 +16,7 @@ struct Told {
     is_uncertain: bool,
 }
 
+#[expect(clippy::unwrap_used, reason = "a named world and a fresh start always exist")]
 fn drive(seed: u64, sensors: u8, misconfigure: impl Fn(&mut Config)) -> Told {
     let world = World::named("flat").unwrap();
     let simulation = Simulation::new(SimConfig {
