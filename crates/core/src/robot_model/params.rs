@@ -20,7 +20,7 @@ use crate::geometry::degrees;
 /// | `strong_log_ratio` | 0.9 | nat | by design: walls nearly twice as sharp need half the returns | As `first_keys` |
 /// | `steps_new` | 15 | hypotheses per sweep | by design: a round takes five sweeps until the robot is known | Too small: a wrong robot is named late. Too large: time is wasted |
 /// | `steps_known` | 1 | hypotheses | by design | As `steps_new` |
-/// | `known_every_sweeps` | 4 | sweeps | by design: a few per cent of a sweep's time | As `steps_new` |
+/// | `known_every_sweeps` | 16 | sweeps | by design: a few per cent of a sweep's time | As `steps_new` |
 /// | `known_keys` | 200 | sweeps | by design: some 5 m | Too small: the search becomes slow before a wrong robot shows. Too large: time is wasted |
 /// | `fits_ratio` | 1.1 | 1 | homes 1-60: nineteen of twenty windows of a right robot lie below | Too small: false alarms. Too large: small differences are not seen |
 /// | `suspect_evidence` | 0.3 | nat | as `fits_ratio` | Too small: doubts without a cause. Too large: a wrong robot is silent for longer |
@@ -84,7 +84,7 @@ impl Default for Params {
             strong_log_ratio: 0.9,
             steps_new: 15,
             steps_known: 1,
-            known_every_sweeps: 4,
+            known_every_sweeps: 16,
             known_keys: 200,
             fits_ratio: 1.1,
             suspect_evidence: 0.3,

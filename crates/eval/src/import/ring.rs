@@ -4,7 +4,7 @@
 //! stand; what exceeds the configured range is the pipeline's affair, but a recording of which hardly a reading lies within it is
 //! refused, because it is in another unit.
 //!
-//! An encoder without any count stands at 0. Single missing counts are interpolated ([`super::rows`]). Where rows hold only the sensors
+//! An encoder without any count stands at 0. Single missing counts are interpolated (`rows.rs`). Where rows hold only the sensors
 //! that have just answered, the others empty, `nan`, 0 or negative, the rows of a cycle become one sweep, each with its own time and
 //! counts.
 
