@@ -106,7 +106,7 @@ impl MonitorArgs {
         result?;
         let (summary, faulty) = finished?;
         let ending = terminal::report(&summary, &faulty, &self.output.out, self.output.json);
-        // Whoever looks at a capture may stop before there is a map.
+        // A capture may be left before it has a map.
         if let Err(nothing) = ending {
             terminal::say(nothing);
         }

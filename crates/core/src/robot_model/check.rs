@@ -82,16 +82,13 @@ impl ModelCheck {
         if !has_moved {
             return Verdict::Open;
         }
-        let first_keys = self.params.first_keys;
+        let Params { first_keys, strong_log_ratio, .. } = self.params;
+        let is_strong = self.suspect.is_some_and(|(_, log_ratio)| log_ratio > strong_log_ratio);
+        if self.window.len() < if is_strong { first_keys / 2 } else { first_keys } {
+            return Verdict::Open;
+        }
         match self.suspect {
-            Some((_, log_ratio)) if log_ratio > self.params.strong_log_ratio && self.window.len() < first_keys / 2 => {
-                Verdict::Open
-            }
-            Some((_, log_ratio)) if log_ratio <= self.params.strong_log_ratio && self.window.len() < first_keys => {
-                Verdict::Open
-            }
             Some((suspect, log_ratio)) => self.confirm(believed, suspect, log_ratio),
-            None if self.window.len() < first_keys => Verdict::Open,
             None => self.search(believed),
         }
     }

@@ -5,36 +5,31 @@ use crate::sweep::Sweep;
 /// All sweeps of a drive so far, as long as they are few enough.
 #[derive(Debug)]
 pub(super) struct History {
-    sweeps: Vec<Sweep>,
+    /// None once some are gone.
+    sweeps: Option<Vec<Sweep>>,
     max_sweeps: usize,
-    is_whole: bool,
 }
 
 impl History {
     pub(super) const fn new(max_sweeps: usize) -> Self {
-        Self { sweeps: Vec::new(), max_sweeps, is_whole: true }
+        Self { sweeps: Some(Vec::new()), max_sweeps }
     }
 
     /// Adds a sweep; a standing robot adds nothing after the first ones. The history of a long drive is given up.
     pub(super) fn push(&mut self, sweep: &Sweep, standing_sweeps: usize) {
-        if !self.is_whole || (sweep.left_m == 0.0 && sweep.right_m == 0.0 && self.sweeps.len() >= standing_sweeps) {
+        let Some(sweeps) = &mut self.sweeps else { return };
+        if sweep.left_m == 0.0 && sweep.right_m == 0.0 && sweeps.len() >= standing_sweeps {
             return;
         }
-        if self.sweeps.len() == self.max_sweeps {
-            self.give_up();
+        if sweeps.len() == self.max_sweeps {
+            self.sweeps = None;
         } else {
-            self.sweeps.push(sweep.clone());
+            sweeps.push(sweep.clone());
         }
-    }
-
-    /// Frees the sweeps: they cannot be used.
-    pub(super) fn give_up(&mut self) {
-        self.is_whole = false;
-        self.sweeps = Vec::new();
     }
 
     /// All sweeps; none if some are gone.
     pub(super) fn whole(&self) -> Option<&[Sweep]> {
-        self.is_whole.then_some(&self.sweeps)
+        self.sweeps.as_deref()
     }
 }
