@@ -1,7 +1,7 @@
 //! One drive: simulates it, runs the estimator and keeps what was said beside the truth.
 
 use super::kind::Kind;
-use slamd_core::{Config, Driver, Estimate, Event, LocalizationEvent, ModelEvent, Record, Start, Update};
+use slamd_core::{Config, Driver, Estimate, Event, LocalizationEvent, ModelEvent, Pose2, Record, Start, Update};
 use slamd_metrics::{Pair, Pairing};
 use slamd_sim::fault::FaultMix;
 use slamd_sim::link::LinkFaults;
@@ -37,6 +37,8 @@ impl Case {
 /// What was said during a drive, beside the truth.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Trace {
+    /// Where the robot was at the session's start: the map's origin.
+    pub(super) start: Option<Pose2>,
     pub(super) pairs: Vec<Pair<Estimate>>,
     pub(super) localization: Vec<LocalizationEvent>,
     pub(super) model: Vec<ModelEvent>,
@@ -62,6 +64,7 @@ pub(super) fn drive(case: &Case) -> Trace {
     let (mut trace, mut pairing) = (Trace::default(), Pairing::default());
     for record in session(simulation) {
         if let Record::Truth { at, pose } = record {
+            trace.start.get_or_insert(pose);
             pairing.truth(at, pose);
         }
         driver.feed(&record, |_, update| match update {

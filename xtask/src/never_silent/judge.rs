@@ -100,9 +100,11 @@ pub(super) fn judge(case: &Case, trace: &Trace) -> Verdict {
 /// The sweeps of a drive in the map frame. A corrected robot begins its map anew from the same start, along another wall perhaps: then
 /// the first pose after it selects one of the four rotations again.
 fn sweeps(trace: &Trace) -> Vec<Sweep> {
-    let Trace { pairs, localization, model } = trace;
-    let Some(first) = pairs.first() else { return Vec::new() };
-    let mut map_from_world = building_frame(first).inverse();
+    let Trace { start, pairs, localization, model } = trace;
+    let (Some(start), Some(first)) = (start, pairs.first()) else { return Vec::new() };
+    // A correction may come before the first pose: that is not the start.
+    let frame = |pair: &Pair<Estimate>| Pose2 { theta_rad: building_frame(pair).theta_rad, ..*start }.inverse();
+    let mut map_from_world = frame(first);
     let mut corrections = model.iter().filter(|event| event.state == ModelState::Corrected).peekable();
     let (mut driven_m, mut before) = (0.0, first.truth);
     let sweep = |pair: &Pair<Estimate>| {
@@ -110,8 +112,7 @@ fn sweeps(trace: &Trace) -> Vec<Sweep> {
         driven_m += if step_m < CARRIED_M { step_m } else { 0.0 };
         before = pair.truth;
         while corrections.next_if(|event| event.at <= pair.at).is_some() {
-            let turn_rad = building_frame(pair).theta_rad;
-            map_from_world = Pose2::new(first.truth.x_m, first.truth.y_m, turn_rad).inverse();
+            map_from_world = frame(pair);
         }
         let (pose, truth, cov) = (pair.estimate.pose, map_from_world * pair.truth, pair.estimate.covariance);
         let error = error(pose, truth);

@@ -122,18 +122,25 @@ impl CheckedSlam {
     }
 
     /// Says what was found, and begins anew with it where that is possible.
-    fn adopt(&mut self, found: RobotModel, at: Timestamp, events: &mut Vec<Event>) {
+    ///
+    /// The events from `earlier` on are of this sweep: its pose in the discarded map is none any more.
+    fn adopt(&mut self, found: RobotModel, at: Timestamp, earlier: usize, events: &mut Vec<Event>) {
         let is_reversed = self.slam.reversed_encoders() != [false; 2];
         let can_restart = self.history.whole().is_some() && !is_reversed;
         let is_mirrored = found.turn * found.travel < 0.0 || found.travel < 0.0;
         let state = if can_restart && !is_mirrored { ModelState::Corrected } else { ModelState::Doubted };
+        let mut again = Vec::new();
+        if can_restart {
+            let own = events.split_off(earlier);
+            events.extend(own.into_iter().filter(|event| !matches!(event, Event::Estimate(_))));
+            self.restart(found, &mut again);
+        }
         let since = Timestamp::default();
-        for finding in naming::findings(&self.config.robot, &found) {
+        let robot = if can_restart { self.model } else { found };
+        for finding in naming::findings(&self.config.robot, &robot) {
             events.push(Event::Model(ModelEvent { at, since, finding, state }));
         }
-        if can_restart {
-            self.restart(found, events);
-        }
+        events.append(&mut again);
         if state == ModelState::Doubted {
             self.begin_doubt(at, "the robot is not what its configuration says", events);
             self.doubt = Doubt::Lasting;
@@ -141,25 +148,20 @@ impl CheckedSlam {
     }
 
     /// Processes the drive's sweeps again with another robot. Of the events, only those count that change what is known now.
+    ///
+    /// The search ends a few per cent beside the true robot, and the walls that were drawn meanwhile keep that error. So what a pass
+    /// learns of the robot is where the next one begins.
     fn restart(&mut self, found: RobotModel, events: &mut Vec<Event>) {
         let before: Vec<SensorState> = self.slam.states().to_vec();
         self.first_revision += self.slam.map_since(u64::MAX).map_or(0, |(_, newest)| newest) + 2;
-        self.model = found;
-        self.odometry = Pose2::default();
-        self.noise = None;
-        // The search ends a few per cent beside the true robot; the filter learns the rest.
-        let (mut config, mut params) = (self.config.clone(), self.params.clone());
-        let sigma = self.params.robot_model.found_sigma;
-        config.robot.wheel_base_sigma_m = Some(sigma * config.robot.wheel_base_m);
-        params.position.filter.travel_sigma = sigma;
-        self.slam = WallSlam::with_params(&config, &found.ring(&self.ring), &params);
-        let history = std::mem::replace(&mut self.history, History::new(0));
-        let mut again = Vec::new();
-        for sweep in history.whole().unwrap_or_default() {
-            again.retain(|event| matches!(event, Event::Fault(_) | Event::Localization(_)));
-            self.follow(sweep, &mut again);
+        let mut again = self.follow_again(found);
+        for _ in 1..self.params.robot_model.restart_passes {
+            let learnt = self.believed();
+            if learnt.distance(&self.model) < self.params.robot_model.restart_distance {
+                break;
+            }
+            again = self.follow_again(learnt);
         }
-        self.history = history;
         let newest = again.iter().rposition(|event| matches!(event, Event::Estimate(_)));
         self.is_lost = again.iter().rev().find_map(lost).unwrap_or(false);
         let states = self.slam.states();
@@ -176,6 +178,26 @@ impl CheckedSlam {
                 events.push(event);
             }
         }
+    }
+
+    /// Begins anew with a robot, and processes the drive's sweeps; the faults, the localization and the last sweep's events.
+    fn follow_again(&mut self, robot: RobotModel) -> Vec<Event> {
+        self.model = robot;
+        self.odometry = Pose2::default();
+        self.noise = None;
+        let (mut config, mut params) = (self.config.clone(), self.params.clone());
+        let sigma = self.params.robot_model.found_sigma;
+        config.robot.wheel_base_sigma_m = Some(sigma * config.robot.wheel_base_m);
+        params.position.filter.travel_sigma = sigma;
+        self.slam = WallSlam::with_params(&config, &robot.ring(&self.ring), &params);
+        let history = std::mem::replace(&mut self.history, History::new(0));
+        let mut again = Vec::new();
+        for sweep in history.whole().unwrap_or_default() {
+            again.retain(|event| matches!(event, Event::Fault(_) | Event::Localization(_)));
+            self.follow(sweep, &mut again);
+        }
+        self.history = history;
+        again
     }
 
     fn begin_doubt(&mut self, at: Timestamp, reason: &str, events: &mut Vec<Event>) {
@@ -219,8 +241,8 @@ impl Estimator for CheckedSlam {
             self.noise = Some(events.remove(earlier + noise));
         }
         if let Some(is_lost) = events.iter().skip(earlier).rev().find_map(lost) {
-            // The window may lie before and after a kidnap.
-            if is_lost && !self.is_lost {
+            // The window may lie before and after a kidnap. A robot that has not fitted yet is lost because it is another one.
+            if is_lost && !self.is_lost && self.check.is_known() {
                 self.check.clear();
             }
             self.is_lost = is_lost;
@@ -237,7 +259,7 @@ impl Estimator for CheckedSlam {
             Verdict::Open => {}
             // The filter has learnt what the check need not find.
             Verdict::Fits if believed.distance(&self.model) > self.params.robot_model.learnt_distance => {
-                self.adopt(believed, sweep.at, events);
+                self.adopt(believed, sweep.at, earlier, events);
             }
             Verdict::Fits => {
                 self.end_doubt(sweep.at, events);
@@ -246,7 +268,7 @@ impl Estimator for CheckedSlam {
                 }
             }
             Verdict::Suspected => self.begin_doubt(sweep.at, SUSPECTED, events),
-            Verdict::Found(found) => self.adopt(found, sweep.at, events),
+            Verdict::Found(found) => self.adopt(found, sweep.at, earlier, events),
         }
     }
 

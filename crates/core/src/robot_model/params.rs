@@ -35,6 +35,8 @@ use crate::geometry::degrees;
 /// | `known_caution` | 2.0 | 1 | by design: a robot that fitted for metres does not change | Too small: slip becomes a lasting doubt. Too large: a late change is never named |
 /// | `learnt_distance` | 0.8 | 1 | by design: a base that is off by a sixth | Too small: a good map is begun anew for little. Too large: the map keeps what was drawn before the base was learnt |
 /// | `found_sigma` | 0.08 | 1 | by design: the resolution of the search | Too small: the filter keeps its error. Too large: the first false wall stretches the map |
+/// | `restart_passes` | 3 | passes | by design: the second begins where the first ended, the third confirms | Too small: walls keep the error of the search. Too large: the pipeline stands still for longer |
+/// | `restart_distance` | 0.05 | 1 | by design: 1 % of travel or turning | As `restart_passes` |
 /// | `max_history_sweeps` | 600 | sweeps | by design: a minute at 10 Hz | Too small: a wrong robot is named but not corrected. Too large: memory, and the time of a restart |
 #[expect(missing_docs, reason = "the table describes each field")]
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,6 +68,8 @@ pub struct Params {
     pub known_caution: f64,
     pub learnt_distance: f64,
     pub found_sigma: f64,
+    pub restart_passes: usize,
+    pub restart_distance: f64,
     pub max_history_sweeps: usize,
 }
 
@@ -99,6 +103,8 @@ impl Default for Params {
             known_caution: 2.0,
             learnt_distance: 0.8,
             found_sigma: 0.08,
+            restart_passes: 3,
+            restart_distance: 0.05,
             max_history_sweeps: 600,
         }
     }
