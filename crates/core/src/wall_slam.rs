@@ -13,6 +13,7 @@
 //! [`WallSlam::update`] is the method in short. Each mode has a file of its own; `step.rs` holds the types that fix the order of
 //! the work within a sweep.
 
+mod axis_monitor;
 mod doubts;
 mod encoder_fault;
 mod expected_range;

@@ -5,7 +5,7 @@
 //! evidence. Enough evidence makes it a suspect; the window is emptied, and returns that the first finding has not seen must confirm it.
 
 use super::concentration::Concentration;
-use super::hypothesis::RobotModel;
+use super::hypothesis::{RobotModel, motion};
 use super::params::Params;
 use super::window::Window;
 use crate::geometry::{Ring, wrap_angle};
@@ -45,6 +45,8 @@ pub(super) struct ModelCheck {
     /// Sweeps since the believed robot was last wrong, and of this round.
     fitting_keys: u64,
     round_keys: u64,
+    /// How far it has turned since the believed robot was last wrong, radians.
+    fitting_rad: f64,
 }
 
 impl ModelCheck {
@@ -62,6 +64,7 @@ impl ModelCheck {
             suspect: None,
             fitting_keys: 0,
             round_keys: 0,
+            fitting_rad: 0.0,
         }
     }
 
@@ -78,6 +81,8 @@ impl ModelCheck {
         believed: &RobotModel,
         is_trusted: impl Fn(usize) -> bool,
     ) -> Verdict {
+        let (_, dtheta_rad) = motion(sweep, self.base_m);
+        self.fitting_rad += dtheta_rad.abs();
         let has_moved = self.window.add(sweep, &self.configured, self.base_m, is_trusted, &self.params);
         if !has_moved {
             return Verdict::Open;
@@ -113,9 +118,9 @@ impl ModelCheck {
         Verdict::Open
     }
 
-    /// True once the believed robot has fitted for some metres.
-    pub(super) const fn is_known(&self) -> bool {
-        self.fitting_keys >= self.params.known_keys
+    /// True once the believed robot has fitted for some metres and turns.
+    pub(super) fn is_known(&self) -> bool {
+        self.fitting_keys >= self.params.known_keys && self.fitting_rad >= self.params.known_turn_rad
     }
 
     /// Adds the evidence of a round.
@@ -149,10 +154,13 @@ impl ModelCheck {
         if log_ratio > min_log_ratio && refined.distance(&suspect) < self.params.same_model {
             let Some(simplest) = self.simplest(refined, believed, is_full) else { return Verdict::Open };
             self.clear();
-            self.fitting_keys = 0;
+            (self.fitting_keys, self.fitting_rad) = (0, 0.0);
             return Verdict::Found(simplest);
         }
-        if !is_full {
+        // On a straight way all turns look alike.
+        let ratio = suspect.turn / believed.turn;
+        let turns_differ = !(self.params.turn_ratio.recip()..=self.params.turn_ratio).contains(&ratio);
+        if !is_full || (turns_differ && self.window.turned_rad() < self.params.telling_turn_rad) {
             return Verdict::Open;
         }
         (self.suspect, self.evidence) = (None, 0.0);

@@ -22,6 +22,9 @@ use crate::geometry::degrees;
 /// | `steps_known` | 1 | hypotheses | by design | As `steps_new` |
 /// | `known_every_sweeps` | 16 | sweeps | by design: a few per cent of a sweep's time | As `steps_new` |
 /// | `known_keys` | 200 | sweeps | by design: some 5 m | Too small: the search becomes slow before a wrong robot shows. Too large: time is wasted |
+/// | `known_turn_rad` | 6.28 | rad | by design: one turn | As `known_keys` |
+/// | `turn_ratio` | 1.05 | 1 | by design: a suspect that differs by less is no matter of turning | Too small: a straight way answers nothing. Too large: a straight way refutes a wrong turning |
+/// | `telling_turn_rad` | 1.0 | rad | by design: two thirds of a right angle | As `turn_ratio` |
 /// | `fits_ratio` | 1.1 | 1 | homes 1-60: nineteen of twenty windows of a right robot lie below | Too small: false alarms. Too large: small differences are not seen |
 /// | `suspect_evidence` | 0.3 | nat | as `fits_ratio` | Too small: doubts without a cause. Too large: a wrong robot is silent for longer |
 /// | `evidence_keys` | 10 | sweeps | by design: a tenth of the window is new | Too small: one chance counts many times. Too large: a wrong robot is named late |
@@ -55,6 +58,9 @@ pub struct Params {
     pub steps_known: usize,
     pub known_every_sweeps: u64,
     pub known_keys: u64,
+    pub known_turn_rad: f64,
+    pub turn_ratio: f64,
+    pub telling_turn_rad: f64,
     pub fits_ratio: f64,
     pub suspect_evidence: f64,
     pub evidence_keys: f64,
@@ -90,6 +96,9 @@ impl Default for Params {
             steps_known: 1,
             known_every_sweeps: 16,
             known_keys: 200,
+            known_turn_rad: std::f64::consts::TAU,
+            turn_ratio: 1.05,
+            telling_turn_rad: 1.0,
             fits_ratio: 1.1,
             suspect_evidence: 0.3,
             evidence_keys: 10.0,

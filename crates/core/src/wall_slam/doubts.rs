@@ -12,24 +12,29 @@ pub(super) enum Doubt {
     Dragged,
     /// More than a third of the ring looks faulty at once.
     RingSuspect,
+    /// The latest returns have another axis than the map.
+    Axis,
 }
 
 /// The reasons that hold, and what was told.
 #[derive(Debug, Default)]
 pub(super) struct Doubts {
-    holds: [bool; 3],
+    holds: [bool; 4],
     /// The first instant of the doubt that was told.
     told: Option<Timestamp>,
 }
 
 impl Doubt {
-    const ALL: [Self; 3] = [Self::Vague, Self::Dragged, Self::RingSuspect];
+    const ALL: [Self; 4] = [Self::Vague, Self::Dragged, Self::RingSuspect, Self::Axis];
 
     const fn reason(self) -> &'static str {
         match self {
             Self::Vague => "no wall has corrected the position for long: it is known to no better than 0.3 m",
             Self::Dragged => {
                 "the walls move the pose by more than the wheels' errors allow: it follows the wheels from where they last agreed"
+            }
+            Self::Axis => {
+                "the walls around stand at an angle to the map's: the heading is wrong, as after wheels that spun in place"
             }
             Self::RingSuspect => {
                 "more than a third of the sensors look faulty at once: the pose, the map or the noise of the readings is wrong rather than they"

@@ -18,6 +18,11 @@
 /// | `heading_check_sweeps` | 25 | sweeps | not measured since the first version | Too small: the returns do not show an axis. Too large: drift goes unnoticed |
 /// | `heading_doubt_rad` | 1 | degrees | by hand: a heading that is surer gains nothing from a check, which takes 2 ms (commit "The axis is checked while the heading is in doubt only") | Too small: time is wasted. Too large: no check ever helps |
 /// | `max_heading_correction_rad` | 6 | degrees | not measured since the first version | Too small: a drifted heading is not corrected. Too large: slanted furniture turns the map |
+/// | `axis_window_m` | 1.0 | m | by design: two windows tell within 2 m | Too small: a window shows no axis. Too large: a wrong heading is noticed late |
+/// | `axis_window_step_m` | 0.02 | m | by design: 50 sweeps per window, at which the check takes 0.3 ms | Too small: time is wasted. Too large: a window shows no axis |
+/// | `axis_window_rim_m` | 0.15 | m | by design: radius of a usual ring | Too small: turning fills the window slowly. Too large: the window holds little travel |
+/// | `axis_window_sensors` | 8 | sensors | by design: the smallest ring with a heading of its own | As `axis_window_step_m` |
+/// | `max_axis_off_rad` | 12 | degrees | by hand: twice `max_heading_correction_rad` | Too small: slanted furniture raises a doubt. Too large: a wrong heading is silent |
 /// | `clearing_sweeps` | 8 | sweeps | not measured since the first version | Too small: time is wasted. Too large: moved furniture stays in the map |
 /// | `on_wall_m` | 0.06 | m | not measured since the first version | Too small: walls are drawn thick. Too large: furniture near a wall disappears into it |
 /// | `beyond_wall_end_m` | 1 | m | not measured since the first version | Too small: walls grow slowly. Too large: a wall is drawn across an opening |
@@ -68,6 +73,16 @@ pub struct Params {
     pub heading_doubt_rad: f64,
     /// A check farther off is another axis, not drift, radians.
     pub max_heading_correction_rad: f64,
+    /// Way of the window whose axis is compared with the map's, metres.
+    pub axis_window_m: f64,
+    /// Way from one sweep of the window to the next, metres.
+    pub axis_window_step_m: f64,
+    /// The way that a turn by one radian counts as, metres.
+    pub axis_window_rim_m: f64,
+    /// Beams used of a sweep.
+    pub axis_window_sensors: usize,
+    /// Axes that are farther apart are not the same, radians.
+    pub max_axis_off_rad: f64,
     /// A sensor clears its cone in one of so many sweeps.
     pub clearing_sweeps: u64,
     /// A return this near a known wall's line is that wall's, metres.
@@ -136,6 +151,11 @@ impl Default for Params {
             heading_check_sweeps: 25,
             heading_doubt_rad: 1.0 * std::f64::consts::PI / 180.0,
             max_heading_correction_rad: 6.0 * std::f64::consts::PI / 180.0,
+            axis_window_m: 1.0,
+            axis_window_step_m: 0.02,
+            axis_window_rim_m: 0.15,
+            axis_window_sensors: 8,
+            max_axis_off_rad: 12.0 * std::f64::consts::PI / 180.0,
             clearing_sweeps: 8,
             on_wall_m: 0.06,
             beyond_wall_end_m: 1.0,

@@ -1,5 +1,6 @@
 //! What every mode uses: the fault tests, the heading check and the map.
 
+use super::axis_monitor::AxisMonitor;
 use super::doubts::{Doubt, Doubts};
 use super::expected_range;
 use super::params::Params;
@@ -29,6 +30,7 @@ pub(super) struct Stages {
     pub(super) detector: Detector,
     pub(super) encoders: EncoderWatch,
     heading_check: HeadingCheck,
+    axis_monitor: AxisMonitor,
     /// Scratch of the initializer and the relocalizer, which lay out all returns anew for each search.
     pub(super) finder: DominantDirections,
     pub(super) grid: OccupancyGrid,
@@ -63,6 +65,7 @@ impl Stages {
             detector,
             encoders: EncoderWatch::with_params(ring, config.robot.wheel_base_m, params.fault.clone()),
             heading_check: HeadingCheck { directions: finder.clone(), sweeps: 0 },
+            axis_monitor: AxisMonitor::new(finder.clone()),
             finder,
             grid: OccupancyGrid::with_params(config.map.cell_m, params.mapping),
             can_detect_loss: ring.len() >= params.wall_slam.min_sensors_to_detect_loss,
@@ -122,7 +125,9 @@ impl Stages {
 
     /// Every few sweeps, while the heading is in doubt, the axis of the latest returns must be the building's.
     pub(super) fn check_heading(&mut self, ekf: &mut EkfSlam, sweep: &Sweep) {
-        let Self { params, detector, heading_check: check, .. } = self;
+        let Self { params, detector, heading_check: check, axis_monitor, doubts, .. } = self;
+        axis_monitor.add(sweep, ekf.filter.pose(), |sensor| detector.is_trusted(sensor), params);
+        doubts.set(Doubt::Axis, axis_monitor.is_contradicted());
         let pose = Placement::from(ekf.filter.pose());
         for (sensor, beam) in sweep.beams.iter().enumerate() {
             if detector.is_trusted(sensor) {
@@ -148,6 +153,7 @@ impl Stages {
     /// Continues with another map. Returns seen in the old one are discarded.
     pub(super) fn replace_map(&mut self, grid: OccupancyGrid) {
         self.grid = grid;
+        self.axis_monitor.reset();
         self.heading_check.directions.clear();
     }
 
