@@ -4,9 +4,7 @@
 //! touch it, as in the Hough transform for the building's axis, but over all directions and without a right angle. Under the right
 //! motion the arcs of one wall meet in one cell; under a wrong one they miss each other.
 //!
-//! `concentration = sqrt(sum over a of F(a)²) / n` for n arcs with a vote of 1 each, where `F(a)` is `sum v²` over all cells whose
-//! direction is a modulo 90 degrees: more where votes gather in fewer cells, and where the walls before and after a turn are parallel or
-//! at right angles. A building without right angles has no such a, under any robot.
+//! `concentration = sum v² / n` for n arcs with a vote of 1 each: more where votes gather in fewer cells.
 
 use super::params::Params;
 use crate::geometry::Pose2;
@@ -26,8 +24,6 @@ pub(super) struct Arc {
 
 /// Directions in a full turn: one per 5 degrees. It sizes an array.
 const DIRECTIONS: usize = 72;
-/// Directions in a quarter turn.
-const AXES: usize = DIRECTIONS / 4;
 /// Bins of the distance between line and origin. It sizes an array.
 const RHO_BINS: usize = 256;
 const STEP_RAD: f64 = TAU / DIRECTIONS as f64;
@@ -38,8 +34,8 @@ pub(super) struct Concentration {
     votes: Vec<f32>,
     /// Cosine and sine of each direction.
     normals: Vec<(f64, f64)>,
-    /// `sum v²` per direction modulo 90 degrees, kept with each vote.
-    squares: [f64; AXES],
+    /// `sum v²`, kept with each vote.
+    squares: f64,
     arcs: f64,
 }
 
@@ -50,19 +46,18 @@ impl Concentration {
             (cos, sin)
         };
         let normals = (0..DIRECTIONS).map(normal).collect();
-        Self { votes: vec![0.0; DIRECTIONS * RHO_BINS], normals, squares: [0.0; AXES], arcs: 0.0 }
+        Self { votes: vec![0.0; DIRECTIONS * RHO_BINS], normals, squares: 0.0, arcs: 0.0 }
     }
 
     /// Forgets all arcs.
     pub(super) fn clear(&mut self) {
         self.votes.fill(0.0);
-        (self.squares, self.arcs) = ([0.0; AXES], 0.0);
+        (self.squares, self.arcs) = (0.0, 0.0);
     }
 
     /// The concentration of the arcs so far; 0 without any.
     pub(super) fn value(&self) -> f64 {
-        let squares = self.squares.iter().map(|square| square * square).sum::<f64>();
-        if self.arcs > 0.0 { squares.sqrt() / self.arcs } else { 0.0 }
+        if self.arcs > 0.0 { self.squares / self.arcs } else { 0.0 }
     }
 
     /// Lets an arc vote for the lines that touch it. A point beam is returned by a wall at any angle; a cone by one it faces.
@@ -89,16 +84,15 @@ impl Concentration {
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the accumulator")]
                 let lower = bin as usize;
                 let part = bin - lower as f64;
-                self.vote(direction, lower, weight * (1.0 - part));
-                self.vote(direction, lower + 1, weight * part);
+                self.vote(direction * RHO_BINS + lower, weight * (1.0 - part));
+                self.vote(direction * RHO_BINS + lower + 1, weight * part);
             }
         }
     }
 
-    fn vote(&mut self, direction: usize, bin: usize, weight: f64) {
-        let cell = direction * RHO_BINS + bin;
+    fn vote(&mut self, cell: usize, weight: f64) {
         let before = f64::from(self.votes[cell]);
-        self.squares[direction % AXES] += weight * (2.0 * before + weight);
+        self.squares += weight * (2.0 * before + weight);
         #[expect(clippy::cast_possible_truncation, reason = "a sum of a few hundred")]
         {
             self.votes[cell] = (before + weight) as f32;
