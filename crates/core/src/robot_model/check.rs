@@ -56,7 +56,7 @@ impl ModelCheck {
             configured: configured.clone(),
             base_m,
             window: Window::new(params),
-            concentration: Concentration::new(),
+            concentration: Concentration::new(params),
             ring: configured.clone(),
             next: 0,
             best: None,
@@ -224,7 +224,7 @@ impl ModelCheck {
         best
     }
 
-    /// The log of [`Self::score`], less for a robot that is far from the believed one; −∞ for an impossible robot.
+    /// The log of the sharpness, less for a robot that is far from the believed one; −∞ for an impossible robot.
     fn log_score(&mut self, model: &RobotModel, believed: &RobotModel) -> f64 {
         let apart = |a: f64, b: f64| libm::log((a / b).abs()).abs();
         let factor = apart(model.travel, 1.0).max(apart(model.turn, 1.0));
@@ -232,16 +232,16 @@ impl ModelCheck {
             return f64::NEG_INFINITY;
         }
         let change = apart(model.travel, believed.travel).max(apart(model.turn, believed.turn));
-        libm::log(self.score(model)) - self.params.factor_penalty * change
+        self.sharpness(model) - self.params.factor_penalty * change
     }
 
-    /// How sharp the walls of the window are for a robot.
-    fn score(&mut self, model: &RobotModel) -> f64 {
+    /// How sharp the walls of the window are for a robot, nats.
+    fn sharpness(&mut self, model: &RobotModel) -> f64 {
         let Self { window, concentration, ring, configured, params, .. } = self;
         model.turn_ring(configured, ring);
         concentration.clear();
         window.for_each_arc(model, ring, |arc| concentration.add(arc, params));
-        concentration.value()
+        concentration.log_sharpness()
     }
 }
 

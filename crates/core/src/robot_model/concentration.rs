@@ -1,15 +1,19 @@
 //! How sharp the walls are that a hypothesis lays out.
 //!
-//! Every return is an arc: the nearest surface of its cone is at its range, in an unknown direction. Each arc votes for the lines that
-//! touch it, as in the Hough transform for the building's axis, but over all directions and without a right angle. Under the right
-//! motion the arcs of one wall meet in one cell; under a wrong one they miss each other.
+//! Every return is an arc: the nearest surface of its cone is at its range, in an unknown direction. Each arc votes for all lines that
+//! may have returned it, as in the Hough transform for the building's axis, but over all directions and without a right angle: lines
+//! that touch it, and lines whose normal the cone misses, which its edge meets ([`crate::position::beam_model`]). One of them is its
+//! wall: the one that most other arcs support. Under the right motion the arcs of one wall agree; under a wrong one each has few friends.
 //!
-//! `concentration = sum v² / n` for n arcs with a vote of 1 each: more where votes gather in fewer cells.
+//! `sharpness = mean over the arcs of ln(1 + support of the arc's best line)`
+//!
+//! The mean is a log likelihood with one line per arc. A sum over all cells instead, as in the axis finder, would count what an arc
+//! votes for besides its wall: a robot that hardly moves would be the sharpest.
 
 use super::params::Params;
 use crate::geometry::Pose2;
 use crate::position::beam_model::POINT_RAD;
-use std::f64::consts::TAU;
+use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// One return in the frame of a window.
 #[derive(Clone, Copy, Debug)]
@@ -22,8 +26,8 @@ pub(super) struct Arc {
     pub(super) range_m: f64,
 }
 
-/// Directions in a full turn: one per 5 degrees. It sizes an array.
-const DIRECTIONS: usize = 72;
+/// Directions in a full turn: one per 2.5 degrees, by which the line of a wall of 3 m bends by less than a bin. It sizes an array.
+const DIRECTIONS: usize = 144;
 /// Bins of the distance between line and origin. It sizes an array.
 const RHO_BINS: usize = 256;
 const STEP_RAD: f64 = TAU / DIRECTIONS as f64;
@@ -34,69 +38,77 @@ pub(super) struct Concentration {
     votes: Vec<f32>,
     /// Cosine and sine of each direction.
     normals: Vec<(f64, f64)>,
-    /// `sum v²`, kept with each vote.
-    squares: f64,
-    arcs: f64,
+    /// What the arcs voted for: the lower of two cells, and the part of the upper one.
+    ballots: Vec<(u32, f32)>,
+    /// The number of ballots after each arc.
+    ends: Vec<usize>,
 }
 
 impl Concentration {
-    pub(super) fn new() -> Self {
+    pub(super) fn new(params: &Params) -> Self {
         let normal = |direction: usize| {
             let (sin, cos) = libm::sincos(direction as f64 * STEP_RAD);
             (cos, sin)
         };
-        let normals = (0..DIRECTIONS).map(normal).collect();
-        Self { votes: vec![0.0; DIRECTIONS * RHO_BINS], normals, squares: 0.0, arcs: 0.0 }
+        let arcs = (params.max_keys + 1) * params.returns_per_key;
+        Self {
+            votes: vec![0.0; DIRECTIONS * RHO_BINS],
+            normals: (0..DIRECTIONS).map(normal).collect(),
+            ballots: Vec::with_capacity(arcs * DIRECTIONS / 2),
+            ends: Vec::with_capacity(arcs),
+        }
     }
 
     /// Forgets all arcs.
     pub(super) fn clear(&mut self) {
         self.votes.fill(0.0);
-        (self.squares, self.arcs) = (0.0, 0.0);
+        self.ballots.clear();
+        self.ends.clear();
     }
 
-    /// The concentration of the arcs so far; 0 without any.
-    pub(super) fn value(&self) -> f64 {
-        if self.arcs > 0.0 { self.squares / self.arcs } else { 0.0 }
+    /// The sharpness of the walls of the arcs so far, nats; 0 without any.
+    pub(super) fn log_sharpness(&self) -> f64 {
+        let (mut sum, mut first) = (0.0, 0);
+        for &end in &self.ends {
+            let mut best = 0.0_f32;
+            for &(cell, part) in &self.ballots[first..end] {
+                let cell = cell as usize;
+                best = best.max((1.0 - part) * self.votes[cell] + part * self.votes[cell + 1]);
+            }
+            first = end;
+            sum += libm::log1p(f64::from(best));
+        }
+        sum / self.ends.len().max(1) as f64
     }
 
-    /// Lets an arc vote for the lines that touch it. A point beam is returned by a wall at any angle; a cone by one it faces.
+    /// Lets an arc vote for the lines that may have returned it.
     pub(super) fn add(&mut self, arc: Arc, params: &Params) {
-        self.arcs += 1.0;
         let is_point = arc.half_angle_rad < POINT_RAD;
-        let half_rad = if is_point { params.point_incidence_rad } else { arc.half_angle_rad };
+        let edge = if is_point { 1.0 } else { params.edge_vote };
+        let reach_rad = (arc.half_angle_rad + params.max_incidence_rad).min(FRAC_PI_2);
         #[expect(clippy::cast_possible_truncation, reason = "an angle of a few turns")]
         let index = |angle_rad: f64| libm::round(angle_rad / STEP_RAD) as i64;
-        let (first, last) = (index(arc.sensor.theta_rad - half_rad), index(arc.sensor.theta_rad + half_rad));
-        let weight = ((last - first + 1) as f64).recip();
+        let (first, last) = (index(arc.sensor.theta_rad - reach_rad), index(arc.sensor.theta_rad + reach_rad));
         for step in first..=last {
             let direction = usize::try_from(step.rem_euclid(DIRECTIONS as i64)).unwrap_or(0);
             let (cos, sin) = self.normals[direction];
-            let depth_m = if is_point {
-                arc.range_m * libm::cos(step as f64 * STEP_RAD - arc.sensor.theta_rad)
-            } else {
-                arc.range_m
-            };
+            let off_rad = (step as f64 * STEP_RAD - arc.sensor.theta_rad).abs() - arc.half_angle_rad;
+            let (depth_m, weight) =
+                if off_rad > 0.0 { (arc.range_m * libm::cos(off_rad), edge) } else { (arc.range_m, 1.0) };
             let rho_m = arc.sensor.x_m * cos + arc.sensor.y_m * sin + depth_m;
             // Walls lie ahead of the sensors more often than behind the origin.
             let bin = rho_m / params.rho_step_m + 0.25 * RHO_BINS as f64;
             if bin >= 0.0 && bin < (RHO_BINS - 1) as f64 {
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the accumulator")]
-                let lower = bin as usize;
-                let part = bin - lower as f64;
-                self.vote(direction * RHO_BINS + lower, weight * (1.0 - part));
-                self.vote(direction * RHO_BINS + lower + 1, weight * part);
+                let (lower, part) = (bin as usize, bin.fract() as f32);
+                let cell = direction * RHO_BINS + lower;
+                self.votes[cell] += weight * (1.0 - part);
+                self.votes[cell + 1] += weight * part;
+                #[expect(clippy::cast_possible_truncation, reason = "below DIRECTIONS * RHO_BINS")]
+                self.ballots.push((cell as u32, part));
             }
         }
-    }
-
-    fn vote(&mut self, cell: usize, weight: f64) {
-        let before = f64::from(self.votes[cell]);
-        self.squares += weight * (2.0 * before + weight);
-        #[expect(clippy::cast_possible_truncation, reason = "a sum of a few hundred")]
-        {
-            self.votes[cell] = (before + weight) as f32;
-        }
+        self.ends.push(self.ballots.len());
     }
 }
 
@@ -105,9 +117,10 @@ mod tests {
     use super::*;
 
     fn of(arcs: impl Iterator<Item = Arc>) -> f64 {
-        let mut concentration = Concentration::new();
-        arcs.for_each(|arc| concentration.add(arc, &Params::default()));
-        concentration.value()
+        let params = Params::default();
+        let mut concentration = Concentration::new(&params);
+        arcs.for_each(|arc| concentration.add(arc, &params));
+        concentration.log_sharpness()
     }
 
     fn towards_a_wall(scale: f64) -> impl Iterator<Item = Arc> {
@@ -120,7 +133,23 @@ mod tests {
     #[test]
     fn a_wall_is_sharpest_for_the_true_travel() {
         let right = of(towards_a_wall(1.0));
-        assert!(right > 2.0 * of(towards_a_wall(0.6)) && right > 2.0 * of(towards_a_wall(1.6)));
+        assert!(right > 0.3 + of(towards_a_wall(0.6)) && right > 0.3 + of(towards_a_wall(1.6)));
+    }
+
+    #[test]
+    fn a_wall_beside_the_robot_says_nothing_of_its_travel() {
+        // The sensors look to the side: at 90 degrees and, with the cone's edge, at 60.
+        let along = |scale: f64| {
+            (0..40).flat_map(move |step| {
+                let sensor = |bearing_rad: f64| Pose2::new(0.03 * scale * f64::from(step), 0.0, bearing_rad);
+                let edge_rad = 0.524 - 0.2;
+                [
+                    Arc { sensor: sensor(FRAC_PI_2), half_angle_rad: 0.2, range_m: 1.0 },
+                    Arc { sensor: sensor(FRAC_PI_2 - 0.524), half_angle_rad: 0.2, range_m: 1.0 / libm::cos(edge_rad) },
+                ]
+            })
+        };
+        assert!((of(along(1.0)) - of(along(0.25))).abs() < 0.02, "{} {}", of(along(1.0)), of(along(0.25)));
     }
 
     #[test]

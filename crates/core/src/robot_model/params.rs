@@ -15,7 +15,8 @@ use crate::geometry::degrees;
 /// | `min_step_m` | 0.01 | m | by design: below half of a sweep's travel at walking pace | Too small: a standing robot fills the window. Too large: four times too few ticks fill it slowly |
 /// | `rim_m` | 0.15 | m | by design: radius of a usual ring | Too small: turning fills the window slowly. Too large: the window holds little travel |
 /// | `max_path_m` | 8.0 | m | by design: wheels drift by 2 % | Too small: little is seen at low rates. Too large: drift blurs walls |
-/// | `point_incidence_rad` | 35 | degrees | by design: as far off its normal as a wall is seen | Too small: point beams find no wall |
+/// | `max_incidence_rad` | 35 | degrees | by design: as far outside the cone as a wall's normal may lie | Too small: what oblique beams return finds no wall. Too large: time is wasted |
+/// | `edge_vote` | 0.5 | 1 | board.py and homes 1-60: smooth walls are heard by the cone, rough ones by its edge too | Too small: oblique returns find no wall. Too large: chance lines are as sharp as walls |
 /// | `rho_step_m` | 0.05 | m | by design: twice the noise of a reading | Too small: noise spreads votes. Too large: scales look alike |
 /// | `strong_log_ratio` | 0.9 | nat | by design: walls nearly twice as sharp need half the returns | As `first_keys` |
 /// | `steps_new` | 15 | hypotheses per sweep | by design: a round takes five sweeps until the robot is known | Too small: a wrong robot is named late. Too large: time is wasted |
@@ -51,7 +52,8 @@ pub struct Params {
     pub min_step_m: f64,
     pub rim_m: f64,
     pub max_path_m: f64,
-    pub point_incidence_rad: f64,
+    pub max_incidence_rad: f64,
+    pub edge_vote: f32,
     pub rho_step_m: f64,
     pub strong_log_ratio: f64,
     pub steps_new: usize,
@@ -89,7 +91,8 @@ impl Default for Params {
             min_step_m: 0.01,
             rim_m: 0.15,
             max_path_m: 8.0,
-            point_incidence_rad: degrees(35.0),
+            max_incidence_rad: degrees(35.0),
+            edge_vote: 0.5,
             rho_step_m: 0.05,
             strong_log_ratio: 0.9,
             steps_new: 15,
