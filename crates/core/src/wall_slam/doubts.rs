@@ -20,6 +20,8 @@ pub(super) enum Doubt {
 #[derive(Debug, Default)]
 pub(super) struct Doubts {
     holds: [bool; 4],
+    /// When a doubt began that was noticed later.
+    began: Option<Timestamp>,
     /// The first instant of the doubt that was told.
     told: Option<Timestamp>,
 }
@@ -48,6 +50,12 @@ impl Doubts {
         self.holds[doubt as usize] = holds;
     }
 
+    /// A doubt that is noticed after it began.
+    pub(super) fn set_since(&mut self, doubt: Doubt, since: Option<Timestamp>) {
+        self.set(doubt, since.is_some());
+        self.began = since;
+    }
+
     pub(super) fn holds(&self, doubt: Doubt) -> bool {
         self.holds[doubt as usize]
     }
@@ -56,9 +64,10 @@ impl Doubts {
     pub(super) fn tell(&mut self, at: Timestamp, older: usize, events: &mut Vec<Event>) {
         let doubt = Doubt::ALL.into_iter().find(|&doubt| self.holds(doubt));
         let ends_another = |event: &Event| matches!(event, Event::Localization(change) if !change.is_lost());
+        let is_earlier = |told| self.began.is_some_and(|began| began < told);
         let change = match (doubt, self.told) {
-            (Some(doubt), told) if told.is_none() || events.iter().skip(older).any(ends_another) => {
-                self.told = told.or(Some(at));
+            (Some(doubt), told) if told.is_none_or(is_earlier) || events.iter().skip(older).any(ends_another) => {
+                self.told = [told, self.began].into_iter().flatten().min().or(Some(at));
                 LocalizationChange::Doubted { reason: doubt.reason().into() }
             }
             (None, Some(_)) => LocalizationChange::Trusted,

@@ -23,6 +23,9 @@
 /// | `axis_window_rim_m` | 0.15 | m | by design: radius of a usual ring | Too small: turning fills the window slowly. Too large: the window holds little travel |
 /// | `axis_window_sensors` | 8 | sensors | by design: the smallest ring with a heading of its own | As `axis_window_step_m` |
 /// | `max_axis_off_rad` | 12 | degrees | by hand: twice `max_heading_correction_rad` | Too small: slanted furniture raises a doubt. Too large: a wrong heading is silent |
+/// | `axis_fits` | 3 | windows | by design: 3 m with one axis | Too small: a building of slanted walls raises doubts. Too large: a heading that is lost early is silent |
+/// | `verified_share` | 0.6 | 1 | by design: more than chance, less than furniture leaves of the walls | Too small: a wrong heading is trusted again. Too large: a right one is doubted to the end |
+/// | `verified_returns` | 200 | returns | by design: two windows of a small ring | As `verified_share` |
 /// | `clearing_sweeps` | 8 | sweeps | not measured since the first version | Too small: time is wasted. Too large: moved furniture stays in the map |
 /// | `on_wall_m` | 0.06 | m | not measured since the first version | Too small: walls are drawn thick. Too large: furniture near a wall disappears into it |
 /// | `beyond_wall_end_m` | 1 | m | not measured since the first version | Too small: walls grow slowly. Too large: a wall is drawn across an opening |
@@ -83,6 +86,12 @@ pub struct Params {
     pub axis_window_sensors: usize,
     /// Axes that are farther apart are not the same, radians.
     pub max_axis_off_rad: f64,
+    /// Windows with the map's axis after which another one is a contradiction.
+    pub axis_fits: usize,
+    /// Share of the returns that the walls from before must explain.
+    pub verified_share: f64,
+    /// Memory of that share, returns.
+    pub verified_returns: f64,
     /// A sensor clears its cone in one of so many sweeps.
     pub clearing_sweeps: u64,
     /// A return this near a known wall's line is that wall's, metres.
@@ -156,6 +165,9 @@ impl Default for Params {
             axis_window_rim_m: 0.15,
             axis_window_sensors: 8,
             max_axis_off_rad: 12.0 * std::f64::consts::PI / 180.0,
+            axis_fits: 3,
+            verified_share: 0.6,
+            verified_returns: 200.0,
             clearing_sweeps: 8,
             on_wall_m: 0.06,
             beyond_wall_end_m: 1.0,

@@ -126,8 +126,8 @@ impl Stages {
     /// Every few sweeps, while the heading is in doubt, the axis of the latest returns must be the building's.
     pub(super) fn check_heading(&mut self, ekf: &mut EkfSlam, sweep: &Sweep) {
         let Self { params, detector, heading_check: check, axis_monitor, doubts, .. } = self;
-        axis_monitor.add(sweep, ekf.filter.pose(), |sensor| detector.is_trusted(sensor), params);
-        doubts.set(Doubt::Axis, axis_monitor.is_contradicted());
+        axis_monitor.add(sweep, ekf, |sensor| detector.is_trusted(sensor), params);
+        doubts.set_since(Doubt::Axis, axis_monitor.wrong_since());
         let pose = Placement::from(ekf.filter.pose());
         for (sensor, beam) in sweep.beams.iter().enumerate() {
             if detector.is_trusted(sensor) {
