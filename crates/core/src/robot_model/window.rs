@@ -17,8 +17,6 @@ pub(super) struct Window {
     dtheta_rad: f64,
     /// Path of all keys, metres; a rotation counts as the way of the ring's rim.
     path_m: f64,
-    /// Turning of all keys as reported, radians.
-    turned_rad: f64,
     next_sensor: usize,
 }
 
@@ -47,7 +45,6 @@ impl Window {
             ds_m: 0.0,
             dtheta_rad: 0.0,
             path_m: 0.0,
-            turned_rad: 0.0,
             next_sensor: 0,
         }
     }
@@ -57,15 +54,20 @@ impl Window {
         self.keys.len()
     }
 
-    /// How far the robot turned in the window as it reports, radians; both ways count.
-    pub(super) const fn turned_rad(&self) -> f64 {
-        self.turned_rad
+    /// How far apart the greatest and the least heading of the window are as the robot reports them, radians.
+    pub(super) fn turned_rad(&self) -> f64 {
+        let (mut heading_rad, mut least_rad, mut greatest_rad) = (0.0_f64, 0.0_f64, 0.0_f64);
+        for key in &self.keys {
+            heading_rad += key.dtheta_rad;
+            (least_rad, greatest_rad) = (least_rad.min(heading_rad), greatest_rad.max(heading_rad));
+        }
+        greatest_rad - least_rad
     }
 
     pub(super) fn clear(&mut self) {
         self.keys.clear();
         self.returns.clear();
-        (self.ds_m, self.dtheta_rad, self.path_m, self.turned_rad) = (0.0, 0.0, 0.0, 0.0);
+        (self.ds_m, self.dtheta_rad, self.path_m) = (0.0, 0.0, 0.0);
     }
 
     /// Adds a sweep of the configured robot if it has moved since the last one. True if it was added.
@@ -102,13 +104,11 @@ impl Window {
         let returns = self.returns.len() - before;
         self.keys.push_back(Key { ds_m: self.ds_m, dtheta_rad: self.dtheta_rad, path_m, returns });
         self.path_m += path_m;
-        self.turned_rad += self.dtheta_rad.abs();
         (self.ds_m, self.dtheta_rad) = (0.0, 0.0);
         let is_long = |window: &Self| window.path_m > params.max_path_m && window.len() > params.min_keys;
         while self.len() > params.max_keys || is_long(self) {
             let Some(oldest) = self.keys.pop_front() else { break };
             self.path_m -= oldest.path_m;
-            self.turned_rad -= oldest.dtheta_rad.abs();
             self.returns.drain(..oldest.returns);
         }
         true

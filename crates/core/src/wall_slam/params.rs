@@ -164,7 +164,7 @@ impl Default for Params {
             axis_window_step_m: 0.02,
             axis_window_rim_m: 0.15,
             axis_window_sensors: 8,
-            max_axis_off_rad: 12.0 * std::f64::consts::PI / 180.0,
+            max_axis_off_rad: 8.0 * std::f64::consts::PI / 180.0,
             axis_fits: 3,
             verified_share: 0.6,
             verified_returns: 200.0,
