@@ -124,9 +124,9 @@ impl CheckedSlam {
     /// Says what was found, and begins anew with it where that is possible.
     fn adopt(&mut self, found: RobotModel, at: Timestamp, events: &mut Vec<Event>) {
         let is_reversed = self.slam.reversed_encoders() != [false; 2];
-        let can_restart = self.history.whole().is_some() && !is_reversed;
-        let is_mirrored = found.turn * found.travel < 0.0 || found.travel < 0.0;
-        let state = if can_restart && !is_mirrored { ModelState::Corrected } else { ModelState::Doubted };
+        let is_known = !naming::is_beyond_search(&found);
+        let can_restart = self.history.whole().is_some() && !is_reversed && is_known;
+        let state = if can_restart && !found.is_mirrored() { ModelState::Corrected } else { ModelState::Doubted };
         let since = Timestamp::default();
         for finding in naming::findings(&self.config.robot, &found) {
             events.push(Event::Model(ModelEvent { at, since, finding, state }));

@@ -17,10 +17,12 @@ pub(super) fn findings(robot: &RobotConfig, model: &RobotModel) -> Vec<ModelFind
         _ => {}
     }
     let (travel, turn) = (model.travel.abs(), model.turn.abs());
+    if is_off(model.range) {
+        findings.push(range_scale(model.range));
+    }
     match [is_off(travel), is_off(turn), is_off(travel / turn)] {
         [true, true, false] => findings.push(wheel_scale(robot, libm::sqrt(travel * turn))),
-        [true, false, true] => findings.push(range_scale(robot, travel)),
-        [true, true, true] => {
+        [true, _, true] => {
             findings.push(wheel_scale(robot, travel));
             findings.push(turn_scale(robot, travel / turn, turn));
         }
@@ -31,9 +33,20 @@ pub(super) fn findings(robot: &RobotConfig, model: &RobotModel) -> Vec<ModelFind
     findings
 }
 
+/// True if a factor lies where the search ends: the true one may be larger.
+pub(super) fn is_beyond_search(model: &RobotModel) -> bool {
+    [model.travel, model.turn, model.range].into_iter().any(is_limit)
+}
+
+fn is_limit(factor: f64) -> bool {
+    libm::log(factor.abs()).abs() > libm::log(MAX_FACTOR)
+}
+
 /// Smaller differences are what the filter learns by itself: their names would be noise.
 const MIN_FACTOR: f64 = 1.1;
 const MIN_TURNED_RAD: f64 = 0.1;
+/// Larger factors are told as "4 or more": the search has none beyond 5.
+const MAX_FACTOR: f64 = 4.5;
 /// Resolution of the search: its last step.
 const FACTOR_SIGMA: f64 = 0.03;
 
@@ -45,50 +58,69 @@ fn rounded(value: f64) -> String {
     format!("{}", (1e4 * value).round() / 1e4)
 }
 
+/// A factor for people.
+fn times(measured: f64) -> String {
+    match is_limit(measured) {
+        false => format!("{measured:.2} times"),
+        true if measured > 1.0 => "4 times or more".into(),
+        true => "a quarter or less of".into(),
+    }
+}
+
+/// What mends a factor, unless it is only known to be large.
+fn known(measured: f64, remedies: Vec<(&'static str, String)>) -> Vec<(&'static str, String)> {
+    if is_limit(measured) { Vec::new() } else { remedies }
+}
+
 /// Both wheels report `1 / factor` of the motion.
 fn wheel_scale(robot: &RobotConfig, factor: f64) -> ModelFinding {
     let measured = 1.0 / factor;
     let mut remedies = vec![("robot.wheel_radius_m", rounded(robot.wheel_radius_m * factor))];
     if let Some(ticks) = robot.ticks_per_turn {
-        remedies.insert(0, ("robot.ticks_per_turn", format!("{:.0}", f64::from(ticks) * measured)));
+        remedies.insert(0, ticks_remedy(ticks, measured));
     }
-    let clause = format!("the wheels report {measured:.2} times the travel that the walls show");
+    let clause = format!("the wheels report {} the travel that the walls show", times(measured));
+    let clause =
+        if is_limit(measured) { format!("{clause} (robot.ticks_per_turn, robot.wheel_radius_m)") } else { clause };
+    let remedies = known(measured, remedies);
     ModelFinding { aspect: ModelAspect::WheelScale, measured, sigma: FACTOR_SIGMA * measured, clause, remedies }
+}
+
+/// The ticks per turn that mend wheels which report `measured` times their travel.
+pub(crate) fn ticks_remedy(ticks: u32, measured: f64) -> (&'static str, String) {
+    ("robot.ticks_per_turn", format!("{:.0}", f64::from(ticks) * measured))
 }
 
 /// The wheels report `1 / turn` of the rotation, the base is `base_factor` of the configured one.
 fn turn_scale(robot: &RobotConfig, base_factor: f64, turn: f64) -> ModelFinding {
     let measured = 1.0 / turn;
+    let clause = format!("the wheels report {} the turning that the walls show", times(measured));
+    let clause = if is_limit(measured) { format!("{clause} (robot.wheel_base_m)") } else { clause };
     ModelFinding {
         aspect: ModelAspect::TurnScale,
         measured,
         sigma: FACTOR_SIGMA * measured,
-        clause: format!("the wheels report {measured:.2} times the turning that the walls show"),
-        remedies: vec![("robot.wheel_base_m", rounded(robot.wheel_base_m * base_factor))],
+        clause,
+        remedies: known(measured, vec![("robot.wheel_base_m", rounded(robot.wheel_base_m * base_factor))]),
     }
 }
 
-/// Straight travel differs and turning does not.
-fn range_scale(robot: &RobotConfig, travel: f64) -> ModelFinding {
-    let measured = travel;
-    let both = format!(
-        "{} and robot.wheel_base_m = {}",
-        rounded(robot.wheel_radius_m * travel),
-        rounded(robot.wheel_base_m * travel)
-    );
+/// The ranges are `1 / range` of the true ones, by travel and turning.
+fn range_scale(range: f64) -> ModelFinding {
+    let measured = 1.0 / range;
     let unit = if (measured - 0.5).abs() < 0.08 {
-        "; a board that reports one-way times of flight has ranges half as long"
+        ": the board may report the time of flight one way"
     } else {
-        ""
+        ": another unit, or wheels and base are both mis-measured"
     };
+    let clause = format!("the ranges are {} what travel and turning show{unit}", times(measured));
+    let clause = if is_limit(measured) { format!("{clause} (ring.range_scale)") } else { clause };
     ModelFinding {
         aspect: ModelAspect::RangeScale,
         measured,
         sigma: FACTOR_SIGMA * measured,
-        clause: format!(
-            "walls come nearer by {measured:.2} of the travel that the wheels report, and turning agrees: the ranges are in another unit{unit}, or wheels and base are both mis-measured"
-        ),
-        remedies: vec![("robot.wheel_radius_m", both)],
+        clause,
+        remedies: known(measured, vec![("ring.range_scale", rounded(range))]),
     }
 }
 
@@ -137,7 +169,7 @@ mod tests {
 
     fn named(travel: f64, turn: f64, ring_rad: f64) -> Vec<(ModelAspect, &'static str, String)> {
         let robot = RobotConfig { ticks_per_turn: Some(360), ..RobotConfig::default() };
-        let findings = findings(&robot, &RobotModel { travel, turn, ring_rad });
+        let findings = findings(&robot, &RobotModel { travel, turn, ring_rad, range: 1.0 });
         findings.into_iter().map(|f| (f.aspect, f.remedies[0].0, f.remedies[0].1.clone())).collect()
     }
 
@@ -148,11 +180,30 @@ mod tests {
         assert_eq!(named(1.0, 0.65, 0.0), [(ModelAspect::TurnScale, "robot.wheel_base_m", "0.4".into())]);
         assert_eq!(named(1.0, -1.0, 0.0), [(ModelAspect::TurnSign, "board.wheels_swapped", "true".into())]);
         assert_eq!(named(1.0, 1.0, -1.571), [(ModelAspect::RingRotation, "ring.rotation_deg", "-90".into())]);
-        assert_eq!(named(0.5, 1.0, 0.0)[0].0, ModelAspect::RangeScale);
         assert_eq!(named(-1.0, -1.0, 0.0)[0].0, ModelAspect::WheelSigns);
         let two = named(0.5, 1.5, 0.0);
         assert_eq!(two.iter().map(|it| it.0).collect::<Vec<_>>(), [ModelAspect::WheelScale, ModelAspect::TurnScale]);
         // The base in metres: 0.26 * travel / turn.
         assert_eq!(two[1].2, "0.0867");
+    }
+
+    #[test]
+    fn ranges_of_one_way_times_are_named() {
+        let found = findings(&RobotConfig::default(), &RobotModel { range: 2.0, ..RobotModel::AS_CONFIGURED });
+        assert_eq!(found.len(), 1);
+        assert_eq!(
+            (found[0].aspect, &found[0].remedies[0]),
+            (ModelAspect::RangeScale, &("ring.range_scale", "2".into()))
+        );
+        assert!(found[0].clause.contains("0.50 times") && found[0].clause.contains("one way"), "{}", found[0].clause);
+    }
+
+    #[test]
+    fn a_factor_at_the_end_of_the_search_is_told_without_a_value() {
+        let model = RobotModel { travel: 0.21, turn: 0.21, ..RobotModel::AS_CONFIGURED };
+        let found = findings(&RobotConfig::default(), &model);
+        let expected = "the wheels report 4 times or more the travel that the walls show (robot.ticks_per_turn, robot.wheel_radius_m)";
+        assert_eq!((found[0].clause.as_str(), found[0].remedies.len()), (expected, 0));
+        assert!(is_beyond_search(&model) && !is_beyond_search(&RobotModel { travel: 0.25, turn: 0.25, ..model }));
     }
 }

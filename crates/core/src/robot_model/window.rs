@@ -18,6 +18,8 @@ pub(super) struct Window {
     /// Path of all keys, metres; a rotation counts as the way of the ring's rim.
     path_m: f64,
     next_sensor: usize,
+    /// Since the last clear, older sweeps have left.
+    is_full: bool,
 }
 
 /// One sweep of the window.
@@ -46,6 +48,7 @@ impl Window {
             dtheta_rad: 0.0,
             path_m: 0.0,
             next_sensor: 0,
+            is_full: false,
         }
     }
 
@@ -58,6 +61,17 @@ impl Window {
         self.keys.clear();
         self.returns.clear();
         (self.ds_m, self.dtheta_rad, self.path_m) = (0.0, 0.0, 0.0);
+        self.is_full = false;
+    }
+
+    /// The returns held.
+    pub(super) fn returns(&self) -> usize {
+        self.returns.len()
+    }
+
+    /// True if it holds all that it can.
+    pub(super) const fn is_full(&self) -> bool {
+        self.is_full
     }
 
     /// Adds a sweep of the configured robot if it has moved since the last one. True if it was added.
@@ -98,6 +112,7 @@ impl Window {
         let is_long = |window: &Self| window.path_m > params.max_path_m && window.len() > params.min_keys;
         while self.len() > params.max_keys || is_long(self) {
             let Some(oldest) = self.keys.pop_front() else { break };
+            self.is_full = true;
             self.path_m -= oldest.path_m;
             self.returns.drain(..oldest.returns);
         }
@@ -118,7 +133,7 @@ impl Window {
                 each(Arc {
                     sensor: robot * mounting.robot_from_sensor,
                     half_angle_rad: mounting.half_angle_rad,
-                    range_m: a_return.range_m,
+                    range_m: model.range * a_return.range_m,
                 });
             }
         }
