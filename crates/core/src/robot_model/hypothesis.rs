@@ -70,11 +70,17 @@ impl RobotModel {
         if self.is_mirrored() { Pose2::new(turned.x_m, -turned.y_m, -turned.theta_rad) } else { turned }
     }
 
-    /// The turned ring, not mirrored, into an existing one of as many sensors.
+    /// The same robot measured by the reported ranges: one whose ranges are half the true ones moves half as far, on a ring half as large.
+    pub(super) fn in_reported_ranges(&self) -> Self {
+        Self { travel: self.travel / self.range, range: 1.0, ..*self }
+    }
+
+    /// The turned ring, not mirrored and measured by the reported ranges, into an existing one of as many sensors.
     pub(super) fn turn_ring(&self, configured: &Ring, into: &mut Ring) {
         let turned = Placement::from(Pose2::new(0.0, 0.0, self.ring_rad));
         for (mounting, own) in configured.mountings.iter().zip(&mut into.mountings) {
-            own.robot_from_sensor = turned * mounting.robot_from_sensor;
+            let on_ring: Pose2 = turned * mounting.robot_from_sensor;
+            own.robot_from_sensor = Pose2::new(on_ring.x_m / self.range, on_ring.y_m / self.range, on_ring.theta_rad);
         }
     }
 

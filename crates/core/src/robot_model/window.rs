@@ -119,8 +119,10 @@ impl Window {
         true
     }
 
-    /// All returns as a robot lays them out, in the frame of its oldest pose. `ring` is that robot's.
+    /// All returns as a robot lays them out, in the frame of its oldest pose and measured by the reported ranges: a smaller unit would
+    /// make walls look sharper. `ring` is that robot's.
     pub(super) fn for_each_arc(&self, model: &RobotModel, ring: &Ring, mut each: impl FnMut(Arc)) {
+        let model = model.in_reported_ranges();
         let mut at = Placement::from(Pose2::default());
         let mut returns = self.returns.iter();
         for (index, key) in self.keys.iter().enumerate() {
@@ -133,7 +135,7 @@ impl Window {
                 each(Arc {
                     sensor: robot * mounting.robot_from_sensor,
                     half_angle_rad: mounting.half_angle_rad,
-                    range_m: model.range * a_return.range_m,
+                    range_m: a_return.range_m,
                 });
             }
         }
