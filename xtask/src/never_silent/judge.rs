@@ -109,7 +109,7 @@ fn sweeps(trace: &Trace) -> Vec<Sweep> {
         let step_m = (pair.truth.position() - before.position()).norm();
         driven_m += if step_m < CARRIED_M { step_m } else { 0.0 };
         before = pair.truth;
-        while corrections.next_if(|event| event.at <= pair.at).is_some() {
+        while corrections.next_if(|event| event.at < pair.at).is_some() {
             let turn_rad = building_frame(pair).theta_rad;
             map_from_world = Pose2::new(first.truth.x_m, first.truth.y_m, turn_rad).inverse();
         }

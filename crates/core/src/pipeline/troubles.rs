@@ -89,6 +89,17 @@ impl Pipeline {
         self.events.push(Event::BoardTrouble { at, text });
     }
 
+    /// Says that a ring has too few sensors to correct the pose.
+    pub(super) fn note_small_ring(&mut self, sensors: usize, at: Timestamp) {
+        let least = self.params.wall_slam.min_sensors_to_correct;
+        if sensors < least {
+            let text = format!(
+                "a ring of {sensors} cannot correct the pose, which follows the encoders alone: use {least} sensors or more, better 8"
+            );
+            self.trouble(Topic::Settings, text, at);
+        }
+    }
+
     /// Says what the aligner found.
     pub(super) fn take_troubles(&mut self, at: Timestamp) {
         while let Some(trouble) = self.aligner.take_trouble() {

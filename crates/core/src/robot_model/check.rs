@@ -4,7 +4,7 @@
 //! never ends. A round is over when each alternative had its turn. Its best one, refined, adds `ln(ratio) - ln(fits_ratio)` to the
 //! evidence. Enough evidence makes it a suspect; the window is emptied, and returns that the first finding has not seen must confirm it.
 
-use super::concentration::Concentration;
+use super::concentration::{self, Concentration};
 use super::hypothesis::RobotModel;
 use super::params::Params;
 use super::window::Window;
@@ -111,7 +111,7 @@ impl ModelCheck {
             return Verdict::Open;
         }
         let steps = if is_quiet { self.params.steps_known } else { self.params.steps_new };
-        let reference = self.log_score(believed, believed);
+        let reference = self.best_heading(believed, believed);
         for _ in 0..steps {
             let Some(alternative) = alternative(believed, self.next) else { return self.weigh(believed) };
             self.next += 1;
@@ -146,7 +146,7 @@ impl ModelCheck {
         if self.evidence < caution * self.params.suspect_evidence || refined.distance(believed) < 1.0 {
             return Verdict::Open;
         }
-        self.suspect = Some((refined, log_ratio));
+        (self.suspect, self.confirming_keys) = (Some((refined, log_ratio)), 0);
         self.window.clear();
         Verdict::Suspected
     }
@@ -160,7 +160,8 @@ impl ModelCheck {
         // A full window of other returns need not show as much as the ones that raised the suspicion.
         let fits = libm::log(self.params.fits_ratio);
         if is_same && log_ratio > if is_full { fits } else { min_log_ratio } {
-            let Some(found) = self.simplest(refined, believed, is_full) else { return Verdict::Open };
+            let must_decide = self.confirming_keys >= self.params.decide_keys;
+            let Some(found) = self.simplest(refined, believed, must_decide) else { return Verdict::Open };
             self.clear();
             self.fitting_keys = 0;
             return Verdict::Found(found);
@@ -187,7 +188,7 @@ impl ModelCheck {
         let mut rivals = causes.into_iter().filter(|(score, _)| *score >= least).map(|(_, robot)| robot);
         let first = rivals.next()?;
         if rivals.next().is_none() {
-            return Some(first);
+            return Some(first.with_known_unit());
         }
         let is_scale = causes[0].0 >= least;
         (must_decide && is_scale).then_some(first)
@@ -208,10 +209,9 @@ impl ModelCheck {
 
     /// Climbs from a robot to the nearest one that makes the walls sharpest; the log of its ratio to the believed one.
     fn refine(&mut self, from: RobotModel, believed: &RobotModel) -> (f64, RobotModel) {
-        let reference = self.log_score(believed, believed);
         let start = (self.log_score(&from, believed), from);
-        let (top, best) = self.climb(start, believed, 0..NEIGHBOURS);
-        (top - reference, best)
+        let (_, best) = self.climb(start, believed, 0..NEIGHBOURS);
+        (self.best_heading(&best, believed) - self.best_heading(believed, believed), best)
     }
 
     /// Climbs by the given kinds of steps, which become smaller.
@@ -234,8 +234,18 @@ impl ModelCheck {
         best
     }
 
-    /// The log of the sharpness, less for a robot that is far from the believed one; −∞ for an impossible robot.
+    /// The log score of a robot whose walls lie on the directions that arcs vote for: between two of them they are less sharp.
+    fn best_heading(&mut self, model: &RobotModel, believed: &RobotModel) -> f64 {
+        let headings = (0..HEADINGS).map(|step| step as f64 * concentration::STEP_RAD / HEADINGS as f64);
+        headings.map(|heading_rad| self.log_score_at(model, believed, heading_rad)).fold(f64::NEG_INFINITY, f64::max)
+    }
+
     fn log_score(&mut self, model: &RobotModel, believed: &RobotModel) -> f64 {
+        self.log_score_at(model, believed, 0.0)
+    }
+
+    /// The log of the sharpness, less for a robot that is far from the believed one; −∞ for an impossible robot.
+    fn log_score_at(&mut self, model: &RobotModel, believed: &RobotModel, heading_rad: f64) -> f64 {
         let apart = |a: f64, b: f64| libm::log((a / b).abs()).abs();
         let factor = apart(model.travel, 1.0).max(apart(model.turn, 1.0)).max(apart(model.range, 1.0));
         if factor > libm::log(self.params.max_factor) {
@@ -243,15 +253,15 @@ impl ModelCheck {
         }
         let change = apart(model.travel, believed.travel).max(apart(model.turn, believed.turn));
         let change = change.max(apart(model.range, believed.range));
-        self.sharpness(model) - self.params.factor_penalty * change
+        self.sharpness(model, heading_rad) - self.params.factor_penalty * change
     }
 
     /// How sharp the walls of the window are for a robot, nats.
-    fn sharpness(&mut self, model: &RobotModel) -> f64 {
+    fn sharpness(&mut self, model: &RobotModel, heading_rad: f64) -> f64 {
         let Self { window, concentration, ring, configured, params, .. } = self;
         model.turn_ring(configured, ring);
         concentration.clear();
-        window.for_each_arc(model, ring, |arc| concentration.add(arc, params));
+        window.for_each_arc(model, ring, heading_rad, |arc| concentration.add(arc, params));
         concentration.log_sharpness()
     }
 }
@@ -294,6 +304,8 @@ impl Cause {
     }
 }
 
+/// First headings that are tried within a step of the directions.
+const HEADINGS: usize = 3;
 /// Less evidence is none.
 const MIN_EVIDENCE: f64 = 0.02;
 /// Factors by which hobbyists are wrong: from a fourth (edges for pulses) to four, in steps that the refinement bridges.

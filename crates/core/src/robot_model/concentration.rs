@@ -30,7 +30,8 @@ pub(super) struct Arc {
 const DIRECTIONS: usize = 144;
 /// Bins of the distance between line and origin. It sizes an array.
 const RHO_BINS: usize = 256;
-const STEP_RAD: f64 = TAU / DIRECTIONS as f64;
+/// Angle between two directions, radians.
+pub(super) const STEP_RAD: f64 = TAU / DIRECTIONS as f64;
 
 /// The accumulator.
 #[derive(Clone, Debug)]
@@ -54,7 +55,7 @@ impl Concentration {
         Self {
             votes: vec![0.0; DIRECTIONS * RHO_BINS],
             normals: (0..DIRECTIONS).map(normal).collect(),
-            ballots: Vec::with_capacity(arcs * DIRECTIONS / 2),
+            ballots: Vec::with_capacity(arcs * (DIRECTIONS / 2 + 2)),
             ends: Vec::with_capacity(arcs),
         }
     }

@@ -1,7 +1,10 @@
 //! A robot as it may really be: how it moves when its wheels report a motion, and where its sensors point.
 
+use crate::config::{Config, SettingValue};
 use crate::geometry::{Placement, Pose2, Ring, sinc};
+use crate::saved_state::{FoundRobot, InvalidState};
 use crate::sweep::Sweep;
+use std::f64::consts::PI;
 
 /// The difference between a robot and its configuration.
 ///
@@ -48,6 +51,35 @@ impl RobotModel {
     /// A motion of the configured robot within a sweep, which is small, as this robot's.
     pub(super) fn scaled(&self, moved: Pose2) -> Pose2 {
         Pose2::new(self.travel * moved.x_m, self.travel * moved.y_m, self.turn * moved.theta_rad)
+    }
+
+    /// The same with ranges of exactly half or twice the true ones, if they are nearly so: one way is counted for two, or two for one.
+    pub(super) fn with_known_unit(self) -> Self {
+        let unit = [0.5, 2.0].into_iter().find(|unit| libm::log(self.range / unit).abs() < UNIT_TOLERANCE);
+        Self { range: unit.unwrap_or(self.range), ..self }
+    }
+
+    /// The robot of a saved session, if it was found with the same configuration; impossible numbers are refused.
+    pub(super) fn restore(found: &FoundRobot, config: &Config) -> Result<Self, InvalidState> {
+        if found.configured.is_empty() || found.configured != configured(config) {
+            return Ok(Self::AS_CONFIGURED);
+        }
+        let &FoundRobot { travel, turn, ring_rad, range, .. } = found;
+        let is_factor = |factor: f64| (MIN_FACTOR..=1.0 / MIN_FACTOR).contains(&factor);
+        if is_factor(travel.abs()) && is_factor(turn.abs()) && is_factor(range) && ring_rad.abs() <= PI {
+            Ok(Self { travel, turn, ring_rad, range })
+        } else {
+            Err(InvalidState("the robot that was found is impossible"))
+        }
+    }
+
+    /// The robot to be saved.
+    pub(super) fn saved(&self, config: &Config) -> FoundRobot {
+        if *self == Self::AS_CONFIGURED {
+            return FoundRobot::default();
+        }
+        let Self { travel, turn, ring_rad, range } = *self;
+        FoundRobot { travel, turn, ring_rad, range, configured: configured(config) }
     }
 
     /// True if wheels and walls turn in opposite directions: the sensors are taken as numbered the other way round.
@@ -109,6 +141,22 @@ impl RobotModel {
     }
 }
 
+/// A factor this near to a unit is that unit: a definition, twice the resolution of the search.
+const UNIT_TOLERANCE: f64 = 0.06;
+/// No robot differs from its configuration by such a factor: a definition, not tuned.
+const MIN_FACTOR: f64 = 0.01;
+
+/// The configured values that a found robot differs from.
+fn configured(config: &Config) -> Vec<f64> {
+    let (robot, ring) = (&config.robot, &config.ring);
+    let is_set = |key: &str| f64::from(u8::from(config.board.get(key) == Some(&SettingValue::Flag(true))));
+    let ticks = robot.ticks_per_turn.map_or(-1.0, f64::from);
+    let mirrored = f64::from(u8::from(ring.mirrored));
+    let numbers = [robot.wheel_radius_m, ticks, robot.wheel_base_m, ring.rotation_deg, ring.range_scale, mirrored];
+    let signs = ["wheels_swapped", "left_reversed", "right_reversed"].map(is_set);
+    numbers.into_iter().chain(signs).collect()
+}
+
 /// The reported distance (m) and rotation (rad) of a sweep.
 pub(super) fn motion(sweep: &Sweep, base_m: f64) -> (f64, f64) {
     (0.5 * (sweep.left_m + sweep.right_m), (sweep.right_m - sweep.left_m) / base_m)
@@ -150,6 +198,20 @@ mod tests {
         let mut sweep = Sweep { left_m: 0.02, right_m: 0.03, ..Sweep::default() };
         model.correct(&mut sweep, &ring, 0.26, &mut Pose2::default());
         assert!((sweep.right_m - 0.03).abs() < 1e-12, "{}", sweep.right_m);
+    }
+
+    #[test]
+    fn a_saved_robot_holds_for_the_same_configuration_alone() {
+        let model = RobotModel { travel: 0.25, turn: 0.25, ..RobotModel::AS_CONFIGURED };
+        let config = Config::default();
+        let saved = model.saved(&config);
+        assert_eq!(RobotModel::restore(&saved, &config), Ok(model));
+        let mut mended = config.clone();
+        mended.robot.wheel_radius_m *= 0.25;
+        assert_eq!(RobotModel::restore(&saved, &mended), Ok(RobotModel::AS_CONFIGURED));
+        let impossible = FoundRobot { travel: f64::NAN, ..saved };
+        assert!(RobotModel::restore(&impossible, &config).is_err());
+        assert_eq!(RobotModel::restore(&FoundRobot::default(), &config), Ok(RobotModel::AS_CONFIGURED));
     }
 
     #[test]

@@ -29,6 +29,7 @@ use crate::geometry::degrees;
 /// | `evidence_keys` | 10 | sweeps | by design: a tenth of the window is new | Too small: one chance counts many times. Too large: a wrong robot is named late |
 /// | `decay` | 0.9 | 1 per `evidence_keys` | as `fits_ratio` | Too small: weak evidence never adds up. Too large: old evidence lasts |
 /// | `confirm_every_sweeps` | 3 | sweeps | by design: a confirmation takes as long as a round of the search | Too small: time is wasted. Too large: a wrong robot is named late |
+/// | `decide_keys` | 200 | sweeps | by design: some 5 m without a turn | Too small: the wheels' scale is blamed for the ranges' unit. Too large: a robot that never turns is never named |
 /// | `confirm_share` | 0.5 | 1 | homes 1-60: of the log ratio that raised the suspicion | Too small: false alarms. Too large: small differences are never named |
 /// | `same_cause_ratio` | 1.15 | 1 | by design: below, turning has not told two causes apart | Too small: the wrong key is named. Too large: naming waits for a turn |
 /// | `same_model` | 2.5 | 1 | by design: half a factor | Too small: a confirmation that differs a little is refused |
@@ -63,6 +64,7 @@ pub struct Params {
     pub evidence_keys: f64,
     pub decay: f64,
     pub confirm_every_sweeps: u64,
+    pub decide_keys: u64,
     pub confirm_share: f64,
     pub same_cause_ratio: f64,
     pub same_model: f64,
@@ -99,6 +101,7 @@ impl Default for Params {
             evidence_keys: 10.0,
             decay: 0.9,
             confirm_every_sweeps: 3,
+            decide_keys: 200,
             confirm_share: 0.5,
             same_cause_ratio: 1.15,
             same_model: 2.5,

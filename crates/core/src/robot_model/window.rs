@@ -120,10 +120,10 @@ impl Window {
     }
 
     /// All returns as a robot lays them out, in the frame of its oldest pose and measured by the reported ranges: a smaller unit would
-    /// make walls look sharper. `ring` is that robot's.
-    pub(super) fn for_each_arc(&self, model: &RobotModel, ring: &Ring, mut each: impl FnMut(Arc)) {
+    /// make walls look sharper. `ring` is that robot's, `heading_rad` its first heading.
+    pub(super) fn for_each_arc(&self, model: &RobotModel, ring: &Ring, heading_rad: f64, mut each: impl FnMut(Arc)) {
         let model = model.in_reported_ranges();
-        let mut at = Placement::from(Pose2::default());
+        let mut at = Placement::from(Pose2::new(0.0, 0.0, heading_rad));
         let mut returns = self.returns.iter();
         for (index, key) in self.keys.iter().enumerate() {
             if index > 0 {
@@ -169,7 +169,7 @@ mod tests {
         assert!(window.len() <= params.max_keys && window.path_m <= params.max_path_m);
         let model = RobotModel { travel: 0.5, ..RobotModel::AS_CONFIGURED };
         let (mut farthest_m, mut sensors) = (0.0_f64, std::collections::BTreeSet::new());
-        window.for_each_arc(&model, &ring, |arc| {
+        window.for_each_arc(&model, &ring, 0.0, |arc| {
             farthest_m = farthest_m.max(arc.sensor.x_m);
             sensors.insert(format!("{:.3}", arc.sensor.theta_rad));
         });
