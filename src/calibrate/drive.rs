@@ -1,7 +1,8 @@
 //! A mapped drive: every sweep with its pose, and the walls.
 
 use slamd_core::{
-    Calibration, Config, Driver, Estimate, Event, Pose2, Record, SensorState, Sweep, Update, saved_state::LandmarkState,
+    Calibration, Config, Driver, Estimate, Event, ModelAspect, ModelEvent, Pose2, Record, SensorState, Sweep, Update,
+    saved_state::LandmarkState,
 };
 use slamd_metrics::{Accuracy, AccuracyMeter};
 use std::collections::VecDeque;
@@ -21,6 +22,19 @@ pub struct Drive {
     pub states: Vec<SensorState>,
     /// Errors against the true poses, if the drive holds them.
     pub accuracy: Option<Accuracy>,
+    /// In what the walls showed the robot to differ from its configuration.
+    pub findings: Vec<ModelEvent>,
+    /// The poses were uncertain at the end.
+    pub is_uncertain: bool,
+}
+
+impl Drive {
+    /// How far the drive turned left and right by the encoders, radians.
+    #[must_use]
+    pub fn turned_rad(&self) -> [f64; 2] {
+        let turns = self.steps.iter().map(|(sweep, _)| (sweep.right_m - sweep.left_m) / self.wheels.wheel_base_m);
+        turns.fold([0.0, 0.0], |[left, right], turn| [left + turn.max(0.0), right - turn.min(0.0)])
+    }
 }
 
 /// Maps a drive from its records.
@@ -31,6 +45,8 @@ pub struct Mapper {
     /// Sweeps without a pose so far.
     waiting: VecDeque<Sweep>,
     steps: Vec<(Sweep, Pose2)>,
+    findings: Vec<ModelEvent>,
+    is_uncertain: bool,
 }
 
 impl Mapper {
@@ -41,7 +57,14 @@ impl Mapper {
             .expect("a fresh start has no saved state that could be refused");
         let mut driver = Driver::new(pipeline);
         driver.keep_sweeps();
-        Self { driver, meter: AccuracyMeter::default(), waiting: VecDeque::new(), steps: Vec::new() }
+        Self {
+            driver,
+            meter: AccuracyMeter::default(),
+            waiting: VecDeque::new(),
+            steps: Vec::new(),
+            findings: Vec::new(),
+            is_uncertain: false,
+        }
     }
 
     /// Takes the next record.
@@ -50,7 +73,15 @@ impl Mapper {
             self.meter.truth(*at, *pose);
         }
         let mut estimates = Vec::new();
-        self.driver.feed(record, |_, update| estimates.extend(estimate(update)));
+        let Self { driver, findings, is_uncertain, .. } = self;
+        driver.feed(record, |_, update| match update {
+            // The noise of the readings is no property of the robot that could be mended here.
+            Update::Event(Event::Model(event)) if event.finding.aspect != ModelAspect::RangeNoise => {
+                findings.push(event.clone());
+            }
+            Update::Event(Event::Localization(event)) => *is_uncertain = event.is_lost(),
+            _ => estimates.extend(estimate(update)),
+        });
         self.pair(estimates);
     }
 
@@ -88,6 +119,8 @@ impl Mapper {
             wheels: pipeline.calibration().unwrap_or_default(),
             states: pipeline.states().to_vec(),
             accuracy: self.meter.accuracy(),
+            findings: self.findings,
+            is_uncertain: self.is_uncertain,
         }
     }
 }

@@ -58,6 +58,12 @@ pub(super) fn rms_m(drive: &Drive, sensor: usize) -> f64 {
     (rows.iter().map(|row| row.residual_m * row.residual_m).sum::<f64>() / rows.len() as f64).sqrt()
 }
 
+/// The same of all sensors together.
+pub(super) fn ring_rms_m(drive: &Drive) -> f64 {
+    let rows: Vec<Row> = (0..drive.bearings_rad.len()).flat_map(|sensor| rows(drive, sensor)).collect();
+    (rows.iter().map(|row| row.residual_m * row.residual_m).sum::<f64>() / rows.len() as f64).sqrt()
+}
+
 fn rows(drive: &Drive, sensor: usize) -> Vec<Row> {
     let (mut rows, params) = (Vec::new(), BeamParams::default());
     for (step, (sweep, pose)) in drive.steps.iter().enumerate() {

@@ -15,14 +15,21 @@
 //! measures the same distance in every direction, so a bearing offset is observable only at the cone's edge. Each estimate has a standard
 //! deviation, the larger of the least squares' and a jackknife over eight parts of the drive; an estimate whose deviation is too large is
 //! dropped.
+//!
+//! A robot that differs from its configuration is mended first, if the check of the robot is sure and the mended configuration maps the
+//! drive without a finding. What a drive cannot tell ([`Unobservable`]) keeps its configured value. The results are kept only if the
+//! readings fit the walls better with them.
 
 pub mod drive;
 mod fit;
+mod mend;
+mod verdict;
 
 use drive::Drive;
 use nalgebra::{Matrix3, Vector3};
 use slamd_core::{Calibration, Config, config::CorrectionConfig};
 use slamd_metrics::Accuracy;
+pub use verdict::Unobservable;
 
 /// Number of times that the drive is mapped and fitted; a last mapping measures the improvement.
 pub const PASSES: usize = 3;
@@ -60,6 +67,14 @@ pub struct Report {
     pub sensors: Vec<SensorResult>,
     /// Errors against the true poses before and after, if the drive holds them.
     pub accuracy: Option<[Accuracy; 2]>,
+    /// In what the robot differs from its configuration, one sentence each, and whether `config` is mended.
+    pub findings: Vec<(String, bool)>,
+    /// What the drive cannot tell.
+    pub unobservable: Vec<Unobservable>,
+    /// Root mean square of measured − expected distance over all sensors, before and after, metres; NaN without a reading of a wall.
+    pub rms_m: [f64; 2],
+    /// True if the readings fit the walls no worse with the results; else `config` is without them.
+    pub is_better: bool,
 }
 
 /// Why a drive cannot be used.
@@ -78,13 +93,26 @@ pub fn calibrate<E: From<CalibrateError>>(
     config: &Config,
     mut mapped: impl FnMut(&Config, usize) -> Result<Drive, E>,
 ) -> Result<Report, E> {
-    let mut calibrated = config.clone();
-    let mut first: Option<Drive> = None;
+    let first = mapped(config, 0)?;
+    if first.steps.is_empty() {
+        return Err(CalibrateError::NoMap.into());
+    }
+    let (begun, before, is_mended) = match mend::mended(config, &first) {
+        None => (config.clone(), first.clone(), false),
+        Some(mended) => {
+            let drive = mapped(&mended, 0)?;
+            let is_sure = drive.findings.is_empty() && !drive.is_uncertain && !drive.steps.is_empty();
+            if is_sure { (mended, drive, true) } else { (config.clone(), first.clone(), false) }
+        }
+    };
+    let findings = first.findings.iter().map(|event| (event.sentence(), is_mended)).collect();
+    let unobservable = verdict::unobservable(&before);
+    let mut calibrated = begun.clone();
+    let mut drive = before.clone();
     let mut results: Vec<SensorResult> = Vec::new();
     for pass in 0..PASSES {
-        let drive = mapped(&calibrated, pass)?;
-        if drive.steps.is_empty() {
-            return Err(CalibrateError::NoMap.into());
+        if pass > 0 {
+            drive = mapped(&calibrated, pass)?;
         }
         let found = fit::fit(&drive);
         results.resize(found.len(), SensorResult::default());
@@ -95,20 +123,31 @@ pub fn calibrate<E: From<CalibrateError>>(
         let bearings_rad = drive.bearings_rad.as_slice();
         remove_common(&mut results, |result| &mut result.range_bias_m, |sensor| shift(bearings_rad[sensor]));
         remove_common(&mut results, |result| &mut result.bearing_offset_rad, |_| Vector3::new(1.0, 0.0, 0.0));
-        calibrated.ring.corrections = corrections(config, &results);
-        first.get_or_insert(drive);
+        calibrated.ring.corrections = corrections(&begun, &results);
     }
-    let after = mapped(&calibrated, PASSES)?;
-    let before = first.unwrap_or_default();
+    // The wheels as found are tried, too: what is written is what was compared.
+    let learnt = mapped(&calibrated, PASSES)?;
+    let is_told = !unobservable.contains(&Unobservable::Wheels) && !before.is_uncertain;
+    let after = if is_told {
+        calibrated.robot.set_wheels(&learnt.wheels);
+        mapped(&calibrated, PASSES)?
+    } else {
+        learnt.clone()
+    };
     for (sensor, result) in results.iter_mut().enumerate() {
         (result.before_m, result.after_m) = (fit::rms_m(&before, sensor), fit::rms_m(&after, sensor));
     }
-    calibrated.robot.set_wheels(&after.wheels);
+    let rms_m = [fit::ring_rms_m(&before), fit::ring_rms_m(&after)];
+    let is_better = rms_m[1] <= rms_m[0] && after.findings.is_empty() && !after.is_uncertain;
     Ok(Report {
-        config: calibrated,
-        wheels: after.wheels,
+        config: if is_better { calibrated } else { begun },
+        wheels: learnt.wheels,
         sensors: results,
         accuracy: before.accuracy.zip(after.accuracy).map(|(before, after)| [before, after]),
+        findings,
+        unobservable,
+        rms_m,
+        is_better,
     })
 }
 

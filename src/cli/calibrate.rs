@@ -3,7 +3,7 @@
 use super::state_args::write_robot;
 use super::{Failure, Kind, terminal};
 use crate::calibrate::drive::{Drive, Mapper};
-use crate::calibrate::{CalibrateError, Estimated, PASSES, Report, calibrate};
+use crate::calibrate::{CalibrateError, Estimated, PASSES, Report, Unobservable, calibrate};
 use clap::Args;
 use slamd_capture::CaptureReader;
 use slamd_core::{Config, Method};
@@ -58,9 +58,19 @@ impl From<CalibrateError> for Failure {
 
 /// Prints the report as a table.
 fn print(report: &Report) {
-    let wheels = &report.wheels;
-    terminal::say(format_args!("wheel ratio {:.4} ± {:.4}", wheels.wheel_ratio, wheels.wheel_ratio_sigma));
-    terminal::say(format_args!("wheel base {:.4} ± {:.4} m", wheels.wheel_base_m, wheels.wheel_base_sigma_m));
+    for (sentence, is_mended) in &report.findings {
+        let effect = if *is_mended { "mended" } else { "not sure: not written" };
+        let sentence = sentence.split("; corrected for this run").next().unwrap_or(sentence);
+        terminal::say(format_args!("{sentence} ({effect})"));
+    }
+    if !report.unobservable.contains(&Unobservable::Wheels) {
+        let wheels = &report.wheels;
+        terminal::say(format_args!("wheel ratio {:.4} ± {:.4}", wheels.wheel_ratio, wheels.wheel_ratio_sigma));
+        terminal::say(format_args!("wheel base {:.4} ± {:.4} m", wheels.wheel_base_m, wheels.wheel_base_sigma_m));
+    }
+    for unobservable in &report.unobservable {
+        terminal::say(unobservable);
+    }
     terminal::say("sensor  range bias cm   bearing offset deg   innovation RMS cm: before  after");
     let mut unknown = [0; 2];
     for (sensor, result) in report.sensors.iter().enumerate() {
@@ -93,6 +103,7 @@ fn print(report: &Report) {
             before.heading_rmse_deg, after.heading_rmse_deg
         ));
     }
+    terminal::say(report.verdict());
 }
 
 fn with_sigma(found: Option<Estimated>) -> String {

@@ -53,5 +53,6 @@ const fn kind(topic: Topic) -> (Level, &'static str) {
         Topic::SensorIds => (Level::Problem, "sensors.ids"),
         Topic::Groups => (Level::Warning, "sensors.groups"),
         Topic::Crosstalk => (Level::Warning, "sensors.crosstalk"),
+        Topic::FlightUnit => (Level::Problem, "sensors.unit"),
     }
 }

@@ -26,13 +26,16 @@ pub use saver::Saver;
 
 use crc::{CRC_32_ISO_HDLC, Crc};
 use slamd_core::SavedState;
+use slamd_core::saved_state::FoundRobot;
 use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 
 /// The first bytes of each session file.
 pub const MAGIC: [u8; 8] = *b"slamdses";
-/// Version of the format that this program writes, and the only one it reads.
-pub const VERSION: u32 = 1;
+/// Version of the format that this program writes.
+pub const VERSION: u32 = 2;
+/// The oldest version that it reads: one without the robot that was found.
+pub const OLDEST_VERSION: u32 = 1;
 /// Bytes in front of the payload.
 pub const HEADER: usize = 24;
 /// Largest accepted file, bytes: the largest map takes 50 MB.
@@ -50,7 +53,7 @@ pub enum SessionFileError {
         found: Vec<u8>,
     },
     /// Another version.
-    #[error("it has format version {found}, and this program reads version {VERSION}: {}", whose(*found))]
+    #[error("it has format version {found}, and this program reads versions {OLDEST_VERSION} to {VERSION}: {}", whose(*found))]
     Version {
         /// The file's version.
         found: u32,
@@ -158,8 +161,9 @@ pub fn decode(bytes: &[u8]) -> Result<SavedState, SessionFileError> {
     };
     let cut = SessionFileError::Truncated { expected: HEADER as u64, found };
     let Some((version, rest)) = rest.split_first_chunk() else { return Err(cut) };
-    if *version != VERSION.to_le_bytes() {
-        return Err(SessionFileError::Version { found: u32::from_le_bytes(*version) });
+    let number = u32::from_le_bytes(*version);
+    if !(OLDEST_VERSION..=VERSION).contains(&number) {
+        return Err(SessionFileError::Version { found: number });
     }
     let Some((length, rest)) = rest.split_first_chunk() else { return Err(cut) };
     let Some((expected, payload)) = rest.split_first_chunk() else { return Err(cut) };
@@ -174,11 +178,19 @@ pub fn decode(bytes: &[u8]) -> Result<SavedState, SessionFileError> {
     if expected != computed {
         return Err(SessionFileError::Checksum { expected, computed });
     }
-    match postcard::take_from_bytes(payload) {
+    let older = if number == OLDEST_VERSION { with_robot(payload) } else { Vec::new() };
+    match postcard::take_from_bytes(if older.is_empty() { payload } else { &older }) {
         Ok((state, [])) => Ok(state),
         Ok((_, rest)) => Err(SessionFileError::Content(format!("{} bytes follow its end", rest.len()))),
         Err(error) => Err(SessionFileError::Content(error.to_string())),
     }
+}
+
+/// A payload of version 1 as one of version 2, which has one field more at its end.
+fn with_robot(payload: &[u8]) -> Vec<u8> {
+    // Four numbers and an empty list always have an encoding.
+    let robot = postcard::to_allocvec(&FoundRobot::default()).unwrap_or_default();
+    [payload, &robot].concat()
 }
 
 fn checksum(version: [u8; 4], length: [u8; 8], payload: &[u8]) -> u32 {

@@ -2,6 +2,7 @@
 
 mod bench;
 mod calibration;
+mod cases;
 mod evo;
 mod recordings;
 mod replay;

@@ -5,7 +5,7 @@
 use slamd::session_file::{HEADER, SessionFileError, decode, encode, read, write};
 use slamd_core::{
     Calibration, FaultKind, SavedState, SensorState,
-    saved_state::{FilterState, InactiveLandmarkState, LandmarkState, MapState, SensorHistory, TileState},
+    saved_state::{FilterState, FoundRobot, InactiveLandmarkState, LandmarkState, MapState, SensorHistory, TileState},
 };
 
 fn saved_state() -> SavedState {
@@ -37,6 +37,7 @@ fn saved_state() -> SavedState {
             SensorHistory { state: SensorState::Healthy, recurrences: 0.25 },
             SensorHistory { state: SensorState::Faulty(FaultKind::Noisy), recurrences: 2.0 },
         ],
+        robot: FoundRobot { travel: 0.25, turn: 0.25, ring_rad: 0.0, range: 1.0, configured: vec![0.035, 1440.0] },
     }
 }
 
@@ -60,10 +61,12 @@ fn each_damage_is_named() {
     assert!(error(&|b| b[0] = b'S').starts_with("it is no session file: it begins with [53, 6c,"));
     assert!(error(&|b| b.clear()).starts_with("it is no session file"));
     assert!(
-        error(&|b| b[8] = 9).contains("version 9, and this program reads version 1: the file is from a newer slamd")
+        error(&|b| b[8] = 9)
+            .contains("version 9, and this program reads versions 1 to 2: the file is from a newer slamd")
     );
     assert!(
-        error(&|b| b[8] = 0).contains("version 0, and this program reads version 1: the file is from an older slamd")
+        error(&|b| b[8] = 0)
+            .contains("version 0, and this program reads versions 1 to 2: the file is from an older slamd")
     );
     let whole = good.len();
     assert!(error(&|b| b.truncate(100)).contains(&format!("it has {whole} bytes, and ends after 100")));
@@ -83,6 +86,16 @@ fn resealed(mut bytes: Vec<u8>) -> Vec<u8> {
         bytes[20..24].copy_from_slice(&crc.to_le_bytes());
     }
     bytes
+}
+
+#[test]
+fn a_file_of_version_1_is_read() {
+    let state = SavedState { robot: FoundRobot::default(), ..saved_state() };
+    let mut bytes = encode(&state);
+    // Version 1 ends before the robot: four numbers and an empty list.
+    bytes.truncate(bytes.len() - 33);
+    bytes[8] = 1;
+    assert_eq!(decode(&resealed(bytes)), Ok(state));
 }
 
 #[test]

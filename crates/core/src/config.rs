@@ -131,6 +131,8 @@ pub struct RingConfig {
     /// Standard deviation of a reading, metres; if absent slamd begins with 0.02.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range_sigma_m: Option<f64>,
+    /// True over reported range: 2 for a board that reports the time of flight one way.
+    pub range_scale: f64,
     /// Air temperature until the board reports one, degrees Celsius.
     pub temperature_c: f64,
     /// Sensors evenly around a circle.
@@ -154,6 +156,7 @@ impl Default for RingConfig {
             min_range_m: 0.03,
             max_range_m: 3.0,
             range_sigma_m: None,
+            range_scale: 1.0,
             temperature_c: 20.0,
             circle: None,
             sensors: Vec::new(),

@@ -348,6 +348,7 @@ impl Pipeline {
             self.events.extend(memory.faults(at, ring.len()));
         }
         self.events.push(Event::Ring { at, sensors: ring.len() });
+        self.note_small_ring(ring.len(), at);
         self.aligner.set_ring(ring);
     }
 

@@ -16,3 +16,4 @@ mod window;
 
 pub(crate) use checked_slam::CheckedSlam;
 pub use finding::{ModelAspect, ModelEvent, ModelFinding, ModelState};
+pub(crate) use naming::ticks_remedy;

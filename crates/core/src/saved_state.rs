@@ -24,6 +24,30 @@ pub struct SavedState {
     pub map: MapState,
     /// Each sensor's state, by id.
     pub sensors: Vec<SensorHistory>,
+    /// In what the robot was found to differ from its configuration. Files of version 1 lack it.
+    pub robot: FoundRobot,
+}
+
+/// A robot that the walls showed to differ from its configuration: true over reported values.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FoundRobot {
+    /// True over reported travel; negative: backward.
+    pub travel: f64,
+    /// True over reported rotation; negative: the other way.
+    pub turn: f64,
+    /// Rotation of the ring of sensors against the configured one, radians.
+    pub ring_rad: f64,
+    /// True over reported range.
+    pub range: f64,
+    /// The configured values that it differs from: it holds only for these.
+    pub configured: Vec<f64>,
+}
+
+impl Default for FoundRobot {
+    /// The robot of any configuration.
+    fn default() -> Self {
+        Self { travel: 1.0, turn: 1.0, ring_rad: 0.0, range: 1.0, configured: Vec::new() }
+    }
 }
 
 impl SavedState {

@@ -10,6 +10,10 @@ const STANDSTILL_M: f64 = 0.02;
 /// Lost sweeps are doubtful from this share on.
 const MANY_DROPPED: f64 = 0.05;
 
+/// A learnt wheel base is told if it differs by this share from the configured one, and its standard deviation is below that share.
+const MIN_BASE_ERROR: f64 = 0.08;
+const MAX_BASE_SIGMA: f64 = 0.02;
+
 /// Why a run has no map; none if it has one. The first reason on the way from the bytes to the map that applies.
 pub(super) fn nothing_mapped(state: &FinalState<'_>, summary: &Summary) -> Option<String> {
     let (counters, max_range_m) = (state.counters, state.config.ring.max_range_m);
@@ -82,6 +86,7 @@ pub(super) fn doubts(state: &FinalState<'_>, summary: &Summary, lost_since_s: Op
         doubts.push(position.reason.clone());
     }
     doubts.extend(summary.model.iter().filter(|report| !report.resolved).map(|report| report.text.clone()));
+    doubts.extend(learnt_base(state, summary));
     doubts.extend(
         summary.encoder_faults.iter().map(|fault| {
             format!("the {} wheel's encoder is {} since {:.1} s", fault.wheel, fault.state, fault.found_s)
@@ -95,6 +100,18 @@ pub(super) fn doubts(state: &FinalState<'_>, summary: &Summary, lost_since_s: Op
         doubts.push(format!("{dropped} of {all} sweeps were dropped: too much of them was missing"));
     }
     doubts
+}
+
+/// The wheel base that the run learnt, if it is another than configured and was not named before.
+fn learnt_base(state: &FinalState<'_>, summary: &Summary) -> Option<String> {
+    let (learnt, configured_m) = (state.calibration?, state.config.robot.wheel_base_m);
+    let off = (learnt.wheel_base_m / configured_m).ln().abs();
+    let is_known = learnt.wheel_base_sigma_m < MAX_BASE_SIGMA * learnt.wheel_base_m;
+    let is_named = summary.model.iter().any(|report| matches!(report.name, "turn_scale" | "turn_sign"));
+    (off > MIN_BASE_ERROR && is_known && !is_named).then(|| {
+        let base_m = learnt.wheel_base_m;
+        format!("the wheels are {base_m:.3} m apart, not {configured_m:.3} m: robot.wheel_base_m = {base_m:.3}?; corrected for this run")
+    })
 }
 
 /// The sensors that were ignored at the end, by id.

@@ -6,6 +6,7 @@
 
 mod air;
 pub(crate) mod clock;
+mod flight_unit;
 pub(crate) mod params;
 mod ring_check;
 mod stamps;
@@ -20,6 +21,7 @@ use crate::sweep::Sweep;
 use crate::time::{DeviceTime, Timestamp};
 use air::Air;
 use clock::{ClockMap, Widener};
+use flight_unit::FlightUnit;
 use params::Params;
 use ring_check::RingCheck;
 use slamd_protocol::{Encoder, Sonar};
@@ -45,6 +47,8 @@ pub struct Aligner {
     stamps: Stamps,
     answers: Stamps,
     check: RingCheck,
+    unit: FlightUnit,
+    range_scale: f64,
     has_run_back: bool,
     /// Since when stamps are behind.
     back_since: Option<Timestamp>,
@@ -80,6 +84,8 @@ impl Aligner {
             stamps: Stamps::new(params),
             answers: Stamps::new(params),
             check: RingCheck::new(0, params),
+            unit: FlightUnit::new(params),
+            range_scale: ring.range_scale,
             has_run_back: false,
             back_since: None,
             refused_stamps: 0,
@@ -94,7 +100,9 @@ impl Aligner {
         if self.ring() != Some(&ring) {
             let (range_m, temperature_c) = (self.range_m.clone(), self.air.celsius());
             self.check = RingCheck::new(ring.len(), self.params);
-            self.sweeper = Some(Sweeper::new(ring, &self.corrections, range_m, temperature_c, self.params));
+            let mut sweeper = Sweeper::new(ring, &self.corrections, range_m, temperature_c, self.params);
+            sweeper.scale_ranges(self.range_scale);
+            self.sweeper = Some(sweeper);
         }
     }
 
@@ -171,9 +179,10 @@ impl Aligner {
             self.finish(at, wheels, &mut each);
         }
         self.troubles.extend(self.check.take(sonar));
+        self.troubles.extend(self.unit.take(sonar));
         self.track.add(trigger, sonar.left_ticks, sonar.right_ticks, wheels);
         if let Some(sweeper) = &mut self.sweeper {
-            sweeper.add(sonar, trigger);
+            sweeper.add(sonar, trigger, |us| self.unit.microseconds(us));
         }
         if sonar.last_of_cycle {
             self.finish(at, wheels, &mut each);

@@ -37,6 +37,8 @@
 /// | `max_air_c` | 55 | °C | hot halls; the speed of sound errs by 1 % per 6 K | lower: such places are refused; higher: wrong sensors are believed |
 /// | `air_jump_k` | 2 | K | rooms differ by more, but a sensor follows within minutes | less: drafts are refused; more: jumps are believed |
 /// | `air_drift_k_s` | 0.05 | K/s | 20 K outdoors within six minutes | less: a robot that goes outdoors keeps the old air; more: jumps are believed sooner |
+/// | `max_cm_flight` | 620 | 1 | in centimetres above `ring.max_range_m` of usual sensors (4.5 m), in microseconds 0.1 m | less: centimetres are called microseconds; more: a ring in a narrow place is called centimetres |
+/// | `unit_flights` | 100 | 1 | a second of a ring of 8: that no sensor sees farther than 0.1 m | less: a robot that starts against a box is taken wrong; more: the first ranges of such a board are missing for longer |
 /// | `crosstalk_pings` | 40 | 1 | a second or more of changing echoes | less: chance looks like crosstalk; more: said late |
 /// | `crosstalk_share` | 0.8 | 1 | echoes of different walls rarely agree to the microsecond, on boards that round to 58 µs in one of a few | less: rounding looks like crosstalk; more: partial crosstalk stays unsaid |
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,6 +47,10 @@ pub struct Params {
     pub reset_back_us: i64,
     /// Arrivals and round trips older than this are forgotten, seconds.
     pub window_s: f64,
+    /// No range in centimetres exceeds this, and most times of flight in microseconds do.
+    pub max_cm_flight: u16,
+    /// So many times of flight, all below that, are ranges in centimetres.
+    pub unit_flights: u32,
     /// Number of round trips kept.
     pub max_trips: usize,
     /// Round trips that take longer are ignored, seconds.
@@ -118,6 +124,8 @@ impl Default for Params {
         Self {
             reset_back_us: 1_000_000,
             window_s: 60.0,
+            max_cm_flight: 620,
+            unit_flights: 100,
             max_trips: 256,
             max_trip_s: 1.0,
             max_ahead_s: 0.2,

@@ -49,6 +49,7 @@ pub(crate) struct Sweeper {
     corrected: Vec<Corrected>,
     range_m: std::ops::RangeInclusive<f64>,
     sound_m_s: f64,
+    range_scale: f64,
     pings: Vec<Option<Ping>>,
     /// The groups of the current cycle, one bit each.
     groups: [u64; 4],
@@ -78,6 +79,7 @@ impl Sweeper {
             corrected,
             range_m,
             sound_m_s: 0.0,
+            range_scale: 1.0,
             pings,
             groups: [0; 4],
             newest: None,
@@ -114,6 +116,11 @@ impl Sweeper {
         self.sound_m_s = 331.3 + 0.606 * temperature_c;
     }
 
+    /// Sets the true over the reported range.
+    pub(crate) fn scale_ranges(&mut self, range_scale: f64) {
+        self.range_scale = range_scale;
+    }
+
     /// True if the group already arrived in the current cycle: it then starts a new one.
     #[must_use]
     pub(crate) fn has_heard(&self, group: u8) -> bool {
@@ -122,8 +129,8 @@ impl Sweeper {
         is_of_ring && self.groups.get(usize::from(group / 64)).is_some_and(|groups| groups >> (group % 64) & 1 == 1)
     }
 
-    /// Adds one fired group; `at` is its trigger. Sensors outside the ring are ignored.
-    pub(crate) fn add(&mut self, sonar: &Sonar, at: DeviceTime) {
+    /// Adds one fired group; `at` is its trigger. Sensors outside the ring are ignored, and flights that are no microseconds are too short.
+    pub(crate) fn add(&mut self, sonar: &Sonar, at: DeviceTime, microseconds: impl Fn(u16) -> Option<u16>) {
         if let Some(groups) = self.groups.get_mut(usize::from(sonar.group / 64)) {
             *groups |= 1 << (sonar.group % 64);
         }
@@ -134,7 +141,11 @@ impl Sweeper {
         }
         for answer in &sonar.echoes {
             if let Some(ping) = self.pings.get_mut(usize::from(answer.sensor)) {
-                *ping = Some(Ping { at, echo: Some(answer.echo) });
+                let echo = match answer.echo {
+                    Echo::Flight { us } => Echo::Flight { us: microseconds(us).unwrap_or(0) },
+                    other => other,
+                };
+                *ping = Some(Ping { at, echo: Some(echo) });
             }
         }
         self.newest = self.newest.max(Some(at));
@@ -160,7 +171,8 @@ impl Sweeper {
         let robot_from_odom = Placement::from(odometry.inverse());
         self.sweep.beams.clear();
         for ((mounting, sensor), ping) in self.ring.mountings.iter().zip(&self.corrected).zip(&mut self.pings) {
-            let (range_m, no_measurement) = measured(*ping, self.sound_m_s, sensor.range_bias_m, &self.range_m);
+            let (range_m, no_measurement) =
+                measured(*ping, self.range_scale * self.sound_m_s, sensor.range_bias_m, &self.range_m);
             let bounce = ping.map(|ping| ping.at + ping.half_flight());
             let then = bounce.and_then(|bounce| track.at(bounce, wheels)).map_or(odometry, |(pose, _)| pose);
             self.sweep.beams.push(Beam {

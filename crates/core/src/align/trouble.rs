@@ -121,6 +121,8 @@ pub(crate) enum Trouble {
     Overlap(u8, u8, u8),
     /// Two sensors of one group always answer alike.
     Crosstalk(u8, u8),
+    /// Times of flight are ranges in centimetres.
+    FlightsInCentimetres,
 }
 
 /// What a trouble of the board is about.
@@ -142,6 +144,8 @@ pub enum Topic {
     Groups,
     /// Sensors that hear each other.
     Crosstalk,
+    /// The unit of the times of flight.
+    FlightUnit,
     /// Text between the frames.
     Text,
     /// Messages with invalid content.
@@ -158,6 +162,7 @@ impl Trouble {
             Self::UnknownSensor(..) => Topic::SensorIds,
             Self::Overlap(..) => Topic::Groups,
             Self::Crosstalk(..) => Topic::Crosstalk,
+            Self::FlightsInCentimetres => Topic::FlightUnit,
         }
     }
 }
@@ -200,6 +205,10 @@ impl fmt::Display for Trouble {
                 f,
                 "groups overlap, sensor {sensor} fires in group {one} and in group {other}: fire each sensor once per \
                  cycle, in the group that GEOMETRY names; pings of one slot disturb each other"
+            ),
+            Self::FlightsInCentimetres => f.write_str(
+                "the board's times of flight are so short that they must be ranges in centimetres; they are taken times \
+                 58: send microseconds from trigger to echo (pulseIn() without a division), as protocol/README.md says",
             ),
             Self::Crosstalk(a, b) => write!(
                 f,

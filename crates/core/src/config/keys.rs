@@ -116,6 +116,12 @@ fn ring() -> Vec<Key> {
             0.15,
             "Standard deviation of a reading, metres; default 0.02. slamd learns it if the readings scatter more.",
         ),
+        number(
+            "range_scale",
+            0.1,
+            10.0,
+            "True over reported range: 2 for a board that reports the time of flight one way.",
+        ),
         number("temperature_c", -40.0, 85.0, "Air temperature until the board reports one, degrees Celsius."),
         key(
             "circle",

@@ -2,6 +2,7 @@
 
 use super::{Pipeline, Topic};
 use crate::event::Event;
+use crate::robot_model::{ModelAspect, ModelEvent, ticks_remedy};
 use crate::sweep::Sweep;
 use crate::time::Timestamp;
 use slamd_protocol::{Message, MessageError};
@@ -54,7 +55,12 @@ impl Pipeline {
         let is_of_line = |topic: Topic| match topic {
             Topic::Text | Topic::Content | Topic::SensorIds | Topic::Clock => true,
             Topic::Identity => self.board().hello().is_none(),
-            Topic::Settings | Topic::Wheels | Topic::Temperature | Topic::Groups | Topic::Crosstalk => false,
+            Topic::Settings
+            | Topic::Wheels
+            | Topic::Temperature
+            | Topic::Groups
+            | Topic::Crosstalk
+            | Topic::FlightUnit => false,
         };
         self.noted.troubles.iter().rev().find(|(topic, _)| is_of_line(*topic)).map(|(_, text)| text.as_str())
     }
@@ -81,6 +87,17 @@ impl Pipeline {
             self.noted.troubles.push((topic, text.clone()));
         }
         self.events.push(Event::BoardTrouble { at, text });
+    }
+
+    /// Says that a ring has too few sensors to correct the pose.
+    pub(super) fn note_small_ring(&mut self, sensors: usize, at: Timestamp) {
+        let least = self.params.wall_slam.min_sensors_to_correct;
+        if sensors < least {
+            let text = format!(
+                "a ring of {sensors} cannot correct the pose, which follows the encoders alone: use {least} sensors or more, better 8"
+            );
+            self.trouble(Topic::Settings, text, at);
+        }
     }
 
     /// Says what the aligner found.
@@ -115,10 +132,18 @@ impl Pipeline {
         }
     }
 
-    /// Keeps the troubles that events of this input tell.
+    /// Keeps the troubles that events of this input tell. Wheels of a wrong scale are mended by the ticks per turn that the board tells, too.
     pub(super) fn note_events(&mut self) {
-        for event in &self.events {
+        let told = self.config.robot.ticks_per_turn.is_none().then(|| self.board().ticks_per_turn()).flatten();
+        for event in &mut self.events {
             match event {
+                Event::Model(ModelEvent { finding, .. })
+                    if finding.aspect == ModelAspect::WheelScale && !finding.remedies.is_empty() =>
+                {
+                    if let (Some(ticks), Some(("robot.wheel_radius_m", _))) = (told, finding.remedies.first()) {
+                        finding.remedies.insert(0, ticks_remedy(ticks, finding.measured));
+                    }
+                }
                 Event::Estimate(_) => self.noted.has_pose = true,
                 Event::BoardTrouble { text, .. } => {
                     let is_new = self.noted.troubles.iter().all(|(_, said)| said != text);

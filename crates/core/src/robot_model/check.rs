@@ -4,7 +4,7 @@
 //! never ends. A round is over when each alternative had its turn. Its best one, refined, adds `ln(ratio) - ln(fits_ratio)` to the
 //! evidence. Enough evidence makes it a suspect; the window is emptied, and returns that the first finding has not seen must confirm it.
 
-use super::concentration::Concentration;
+use super::concentration::{self, Concentration};
 use super::hypothesis::{RobotModel, motion};
 use super::params::Params;
 use super::window::Window;
@@ -47,6 +47,7 @@ pub(super) struct ModelCheck {
     round_keys: u64,
     /// How far it has turned since the believed robot was last wrong, radians.
     fitting_rad: f64,
+    confirming_keys: u64,
 }
 
 impl ModelCheck {
@@ -65,6 +66,7 @@ impl ModelCheck {
             fitting_keys: 0,
             round_keys: 0,
             fitting_rad: 0.0,
+            confirming_keys: 0,
         }
     }
 
@@ -87,14 +89,22 @@ impl ModelCheck {
         if !has_moved {
             return Verdict::Open;
         }
-        let Params { first_keys, strong_log_ratio, .. } = self.params;
+        let Params { first_keys, min_returns, strong_log_ratio, confirm_every_sweeps, .. } = self.params;
         let is_strong = self.suspect.is_some_and(|(_, log_ratio)| log_ratio > strong_log_ratio);
-        if self.window.len() < if is_strong { first_keys / 2 } else { first_keys } {
+        let share = if is_strong { 2 } else { 1 };
+        if self.window.len() < first_keys / share || self.window.returns() < min_returns / share {
             return Verdict::Open;
         }
         match self.suspect {
-            Some((suspect, log_ratio)) => self.confirm(believed, suspect, log_ratio),
             None => self.search(believed),
+            Some((suspect, log_ratio)) => {
+                self.confirming_keys += 1;
+                if self.confirming_keys.is_multiple_of(confirm_every_sweeps) {
+                    self.confirm(believed, suspect, log_ratio)
+                } else {
+                    Verdict::Open
+                }
+            }
         }
     }
 
@@ -106,7 +116,7 @@ impl ModelCheck {
             return Verdict::Open;
         }
         let steps = if is_quiet { self.params.steps_known } else { self.params.steps_new };
-        let reference = self.log_score(believed, believed);
+        let reference = self.best_heading(believed, believed);
         for _ in 0..steps {
             let Some(alternative) = alternative(believed, self.next) else { return self.weigh(believed) };
             self.next += 1;
@@ -141,7 +151,7 @@ impl ModelCheck {
         if self.evidence < caution * self.params.suspect_evidence || refined.distance(believed) < 1.0 {
             return Verdict::Open;
         }
-        self.suspect = Some((refined, log_ratio));
+        (self.suspect, self.confirming_keys) = (Some((refined, log_ratio)), 0);
         self.window.clear();
         Verdict::Suspected
     }
@@ -150,17 +160,23 @@ impl ModelCheck {
     fn confirm(&mut self, believed: &RobotModel, suspect: RobotModel, found_log_ratio: f64) -> Verdict {
         let (log_ratio, refined) = self.refine(suspect, believed);
         let min_log_ratio = (self.params.confirm_share * found_log_ratio).max(libm::log(self.params.fits_ratio));
-        let is_full = self.window.len() >= self.params.max_keys;
-        if log_ratio > min_log_ratio && refined.distance(&suspect) < self.params.same_model {
-            let Some(simplest) = self.simplest(refined, believed, is_full) else { return Verdict::Open };
+        let is_same = refined.distance(&suspect) < self.params.same_model;
+        let is_full = self.window.is_full();
+        // A full window of other returns need not show as much as the ones that raised the suspicion.
+        let fits = libm::log(self.params.fits_ratio);
+        if is_same && log_ratio > if is_full { fits } else { min_log_ratio } {
+            let must_decide = self.confirming_keys >= self.params.decide_keys;
+            let Some(found) = self.simplest(refined, believed, must_decide) else { return Verdict::Open };
             self.clear();
             (self.fitting_keys, self.fitting_rad) = (0, 0.0);
-            return Verdict::Found(simplest);
+            return Verdict::Found(found);
         }
         // On a straight way all turns look alike.
         let ratio = suspect.turn / believed.turn;
         let turns_differ = !(self.params.turn_ratio.recip()..=self.params.turn_ratio).contains(&ratio);
-        if !is_full || (turns_differ && self.window.turned_rad() < self.params.telling_turn_rad) {
+        let can_tell = !turns_differ || self.window.turned_rad() >= self.params.telling_turn_rad;
+        let is_refuted = can_tell && (log_ratio <= 0.0 || refined.distance(believed) < 1.0 || !is_same);
+        if !is_full || !is_refuted {
             return Verdict::Open;
         }
         (self.suspect, self.evidence) = (None, 0.0);
@@ -168,19 +184,23 @@ impl ModelCheck {
     }
 
     /// The robot with a single cause that explains the walls as well as `found`, or else `found`. None while the returns do not tell
-    /// whether turning has the scale of the travel, unless it `must_decide`: then both have it, as a wrong radius or tick count makes it.
+    /// two causes apart, unless they `must_decide`: then the wheels' scale is wrong, as by a wrong radius or tick count.
     fn simplest(&mut self, found: RobotModel, believed: &RobotModel, must_decide: bool) -> Option<RobotModel> {
         let causes = Cause::ALL.map(|cause| self.best_of(cause, believed));
-        let [(both, _), (_, _), (alone, _), ..] = causes;
-        let (single, robot) = causes.into_iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
+        let single = causes.iter().map(|(score, _)| *score).fold(f64::NEG_INFINITY, f64::max);
         if single < self.log_score(&found, believed) - self.params.occam {
-            return Some(found);
+            // The wheels and the ranges have one scale in common.
+            let RobotModel { travel, range, .. } = found;
+            return Some(RobotModel { travel: travel / range, range: 1.0, ..found });
         }
-        let is_scale = single <= both.max(alone);
-        if is_scale && (both - alone).abs() < libm::log(self.params.same_cause_ratio) {
-            return must_decide.then_some(causes[0].1);
+        let least = single - libm::log(self.params.same_cause_ratio);
+        let mut rivals = causes.into_iter().filter(|(score, _)| *score >= least).map(|(_, robot)| robot);
+        let first = rivals.next()?;
+        if rivals.next().is_none() {
+            return Some(first.with_known_unit());
         }
-        Some(robot)
+        let is_scale = causes[0].0 >= least;
+        (must_decide && is_scale).then_some(first)
     }
 
     /// The best robot that differs from the believed one by a single cause, and the log of its score.
@@ -198,10 +218,9 @@ impl ModelCheck {
 
     /// Climbs from a robot to the nearest one that makes the walls sharpest; the log of its ratio to the believed one.
     fn refine(&mut self, from: RobotModel, believed: &RobotModel) -> (f64, RobotModel) {
-        let reference = self.log_score(believed, believed);
         let start = (self.log_score(&from, believed), from);
-        let (top, best) = self.climb(start, believed, 0..NEIGHBOURS);
-        (top - reference, best)
+        let (_, best) = self.climb(start, believed, 0..NEIGHBOURS);
+        (self.best_heading(&best, believed) - self.best_heading(believed, believed), best)
     }
 
     /// Climbs by the given kinds of steps, which become smaller.
@@ -224,84 +243,100 @@ impl ModelCheck {
         best
     }
 
-    /// The log of the sharpness, less for a robot that is far from the believed one; −∞ for an impossible robot.
+    /// The log score of a robot whose walls lie on the directions that arcs vote for: between two of them they are less sharp.
+    fn best_heading(&mut self, model: &RobotModel, believed: &RobotModel) -> f64 {
+        let headings = (0..HEADINGS).map(|step| step as f64 * concentration::STEP_RAD / HEADINGS as f64);
+        headings.map(|heading_rad| self.log_score_at(model, believed, heading_rad)).fold(f64::NEG_INFINITY, f64::max)
+    }
+
     fn log_score(&mut self, model: &RobotModel, believed: &RobotModel) -> f64 {
+        self.log_score_at(model, believed, 0.0)
+    }
+
+    /// The log of the sharpness, less for a robot that is far from the believed one; −∞ for an impossible robot.
+    fn log_score_at(&mut self, model: &RobotModel, believed: &RobotModel, heading_rad: f64) -> f64 {
         let apart = |a: f64, b: f64| libm::log((a / b).abs()).abs();
-        let factor = apart(model.travel, 1.0).max(apart(model.turn, 1.0));
+        let factor = apart(model.travel, 1.0).max(apart(model.turn, 1.0)).max(apart(model.range, 1.0));
         if factor > libm::log(self.params.max_factor) {
             return f64::NEG_INFINITY;
         }
         let change = apart(model.travel, believed.travel).max(apart(model.turn, believed.turn));
-        self.sharpness(model) - self.params.factor_penalty * change
+        let change = change.max(apart(model.range, believed.range));
+        self.sharpness(model, heading_rad) - self.params.factor_penalty * change
     }
 
     /// How sharp the walls of the window are for a robot, nats.
-    fn sharpness(&mut self, model: &RobotModel) -> f64 {
+    fn sharpness(&mut self, model: &RobotModel, heading_rad: f64) -> f64 {
         let Self { window, concentration, ring, configured, params, .. } = self;
         model.turn_ring(configured, ring);
         concentration.clear();
-        window.for_each_arc(model, ring, |arc| concentration.add(arc, params));
+        window.for_each_arc(model, ring, heading_rad, |arc| concentration.add(arc, params));
         concentration.log_sharpness()
     }
 }
 
-/// One way in which a robot differs, as blocks of [`alternative`] and of [`neighbours`].
-#[derive(Clone, Copy, Debug)]
+/// One way in which a robot differs, as blocks of [`alternative`] and of [`neighbours`]. Where two explain the walls alike, the first
+/// is believed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Cause {
     Scale,
     Turn,
-    Travel,
-    Signs,
+    Range,
+    Mirrored,
+    Reversed,
     Ring,
 }
 
 impl Cause {
-    const ALL: [Self; 5] = [Self::Scale, Self::Turn, Self::Travel, Self::Signs, Self::Ring];
+    const ALL: [Self; 6] = [Self::Scale, Self::Turn, Self::Range, Self::Mirrored, Self::Reversed, Self::Ring];
 
     const fn indices(self) -> Range<usize> {
         let scales = FACTORS.len();
         match self {
             Self::Scale => 0..scales,
             Self::Turn => scales..2 * scales,
-            Self::Travel => 2 * scales..3 * scales,
-            Self::Signs => 3 * scales..3 * scales + 2,
-            Self::Ring => 3 * scales + 2..3 * scales + 2 + ROTATIONS,
+            Self::Range => 2 * scales..3 * scales,
+            Self::Mirrored => 3 * scales..3 * scales + 1,
+            Self::Reversed => 3 * scales + 1..3 * scales + 2,
+            Self::Ring => 3 * scales + 2..3 * scales + 1 + ROTATIONS,
         }
     }
 
     const fn moves(self) -> Range<usize> {
         match self {
             Self::Scale => 0..2,
-            Self::Travel => 2..4,
-            Self::Turn => 4..6,
+            Self::Turn => 2..4,
+            Self::Range => 4..6,
             Self::Ring => 6..8,
-            Self::Signs => 0..0,
+            Self::Mirrored | Self::Reversed => 0..0,
         }
     }
 }
 
+/// First headings that are tried within a step of the directions.
+const HEADINGS: usize = 3;
 /// Less evidence is none.
 const MIN_EVIDENCE: f64 = 0.02;
 /// Factors by which hobbyists are wrong: from a fourth (edges for pulses) to four, in steps that the refinement bridges.
 const FACTORS: [f64; 16] = [0.25, 0.3, 0.35, 0.42, 0.5, 0.6, 0.71, 0.84, 1.19, 1.41, 1.68, 2.0, 2.38, 2.83, 3.36, 4.0];
-/// Rotations of a ring that are tried in a full turn.
+/// Rotations of a ring in a full turn; none is not an alternative.
 const ROTATIONS: usize = 24;
 
-/// The alternatives to a robot, one after another: both scales, turning alone, travel alone, signs, rotations of the ring.
+/// The alternatives to a robot, one after another: both scales of the wheels, turning alone, ranges, signs, rotations of the ring, and
+/// those of a mirrored ring.
 fn alternative(believed: &RobotModel, index: usize) -> Option<RobotModel> {
-    let RobotModel { travel, turn, ring_rad } = *believed;
+    let RobotModel { travel, turn, ring_rad, range } = *believed;
     let scales = FACTORS.len();
+    let turned = |step: usize| wrap_angle(ring_rad + step as f64 * TAU / ROTATIONS as f64);
     Some(match index {
-        _ if index < scales => RobotModel { travel: travel * FACTORS[index], turn: turn * FACTORS[index], ring_rad },
+        _ if index < scales => RobotModel { travel: travel * FACTORS[index], turn: turn * FACTORS[index], ..*believed },
         _ if index < 2 * scales => RobotModel { turn: turn * FACTORS[index - scales], ..*believed },
-        _ if index < 3 * scales => RobotModel { travel: travel * FACTORS[index - 2 * scales], ..*believed },
+        _ if index < 3 * scales => RobotModel { range: range * FACTORS[index - 2 * scales], ..*believed },
         _ => match index - 3 * scales {
             0 => RobotModel { turn: -turn, ..*believed },
-            1 => RobotModel { travel: -travel, turn: -turn, ring_rad },
-            step if step - 1 < ROTATIONS => {
-                let turned_rad = (step - 1) as f64 * TAU / ROTATIONS as f64;
-                RobotModel { ring_rad: wrap_angle(ring_rad + turned_rad), ..*believed }
-            }
+            1 => RobotModel { travel: -travel, turn: -turn, ..*believed },
+            step if step <= ROTATIONS => RobotModel { ring_rad: turned(step - 1), ..*believed },
+            step if step < 2 * ROTATIONS => RobotModel { ring_rad: turned(step - ROTATIONS), turn: -turn, ..*believed },
             _ => return None,
         },
     })
@@ -312,18 +347,18 @@ const NEIGHBOURS: usize = 8;
 
 /// Robots a little beside another one.
 fn neighbours(model: &RobotModel, step: f64) -> [RobotModel; NEIGHBOURS] {
-    let RobotModel { travel, turn, ring_rad } = *model;
+    let RobotModel { travel, turn, ring_rad, range } = *model;
     let [more, less] = [1.0 + step, 1.0 / (1.0 + step)];
     let scaled =
-        |by_travel: f64, by_turn: f64| RobotModel { travel: travel * by_travel, turn: turn * by_turn, ring_rad };
+        |by_travel: f64, by_turn: f64| RobotModel { travel: travel * by_travel, turn: turn * by_turn, ..*model };
     let turned = |sign: f64| RobotModel { ring_rad: wrap_angle(ring_rad + sign * step * 0.2 * PI), ..*model };
     [
         scaled(more, more),
         scaled(less, less),
-        scaled(more, 1.0),
-        scaled(less, 1.0),
         scaled(1.0, more),
         scaled(1.0, less),
+        RobotModel { range: range * more, ..*model },
+        RobotModel { range: range * less, ..*model },
         turned(1.0),
         turned(-1.0),
     ]

@@ -28,6 +28,10 @@ pub(crate) struct CheckedSlam {
     params: Params,
     slam: WallSlam,
     model: RobotModel,
+    /// The model comes from a saved session, and was not told yet.
+    is_untold: bool,
+    /// The model was found in this run, and the filter learns its values better than the search.
+    is_rough: bool,
     /// The pose by the wheels of the robot found.
     odometry: Pose2,
     /// The sweep as that robot made it.
@@ -66,8 +70,10 @@ impl CheckedSlam {
         state: &SavedState,
         params: &Params,
     ) -> Result<Self, InvalidState> {
-        let slam = WallSlam::resume_with_params(config, ring, state, params)?;
-        Ok(Self::around(slam, config, ring, params, History::new(0)))
+        let model = RobotModel::restore(&state.robot, config)?;
+        let slam = WallSlam::resume_with_params(config, &model.ring(ring), state, params)?;
+        let is_untold = model != RobotModel::AS_CONFIGURED;
+        Ok(Self { model, is_untold, ..Self::around(slam, config, ring, params, History::new(0)) })
     }
 
     fn around(slam: WallSlam, config: &Config, ring: &Ring, params: &Params, history: History) -> Self {
@@ -76,6 +82,8 @@ impl CheckedSlam {
             ring: ring.clone(),
             slam,
             model: RobotModel::AS_CONFIGURED,
+            is_untold: false,
+            is_rough: false,
             odometry: Pose2::default(),
             corrected: Sweep::default(),
             check: ModelCheck::new(ring, config.robot.wheel_base_m, &params.robot_model),
@@ -126,25 +134,29 @@ impl CheckedSlam {
     /// The events from `earlier` on are of this sweep: its pose in the discarded map is none any more.
     fn adopt(&mut self, found: RobotModel, at: Timestamp, earlier: usize, events: &mut Vec<Event>) {
         let is_reversed = self.slam.reversed_encoders() != [false; 2];
-        let can_restart = self.history.whole().is_some() && !is_reversed;
-        let is_mirrored = found.turn * found.travel < 0.0 || found.travel < 0.0;
-        let state = if can_restart && !is_mirrored { ModelState::Corrected } else { ModelState::Doubted };
+        let is_known = !naming::is_beyond_search(&found);
+        let can_restart = self.history.whole().is_some() && !is_reversed && is_known;
+        let state = if can_restart && !found.is_mirrored() { ModelState::Corrected } else { ModelState::Doubted };
         let mut again = Vec::new();
         if can_restart {
             let own = events.split_off(earlier);
             events.extend(own.into_iter().filter(|event| !matches!(event, Event::Estimate(_))));
             self.restart(found, &mut again);
         }
-        let since = Timestamp::default();
         let robot = if can_restart { self.model } else { found };
-        for finding in naming::findings(&self.config.robot, &robot) {
-            events.push(Event::Model(ModelEvent { at, since, finding, state }));
-        }
+        self.tell(&robot, state, at, events);
         events.append(&mut again);
         if state == ModelState::Doubted {
             self.begin_doubt(at, "the robot is not what its configuration says", events);
             self.doubt = Doubt::Lasting;
         }
+    }
+
+    /// Says in what a robot differs from the configured one.
+    fn tell(&self, found: &RobotModel, state: ModelState, at: Timestamp, events: &mut Vec<Event>) {
+        let since = Timestamp::default();
+        let findings = naming::findings(&self.config, found).into_iter();
+        events.extend(findings.map(|finding| Event::Model(ModelEvent { at, since, finding, state })));
     }
 
     /// Processes the drive's sweeps again with another robot. Of the events, only those count that change what is known now.
@@ -154,6 +166,7 @@ impl CheckedSlam {
     fn restart(&mut self, found: RobotModel, events: &mut Vec<Event>) {
         let before: Vec<SensorState> = self.slam.states().to_vec();
         self.first_revision += self.slam.map_since(u64::MAX).map_or(0, |(_, newest)| newest) + 2;
+        self.is_rough = !found.is_mirrored();
         let mut again = self.follow_again(found);
         for _ in 1..self.params.robot_model.restart_passes {
             let learnt = self.believed();
@@ -235,6 +248,9 @@ fn lost(event: &Event) -> Option<bool> {
 impl Estimator for CheckedSlam {
     fn update(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
         self.history.push(sweep, self.params.wall_slam.axis_every_sweeps);
+        if std::mem::take(&mut self.is_untold) {
+            self.tell(&self.model, ModelState::Corrected, sweep.at, events);
+        }
         let earlier = events.len();
         self.follow(sweep, events);
         if let Some(noise) = events.iter().skip(earlier).position(|event| matches!(event, Event::Model(_))) {
@@ -265,6 +281,9 @@ impl Estimator for CheckedSlam {
                 self.end_doubt(sweep.at, events);
                 if self.check.is_known() {
                     events.extend(self.noise.take());
+                    if std::mem::take(&mut self.is_rough) {
+                        self.tell(&believed, ModelState::Corrected, sweep.at, events);
+                    }
                 }
             }
             Verdict::Suspected => self.begin_doubt(sweep.at, SUSPECTED, events),
@@ -323,7 +342,7 @@ impl Estimator for CheckedSlam {
     }
 
     fn saved_state(&self) -> Option<SavedState> {
-        self.slam.saved_state()
+        self.slam.saved_state().map(|state| SavedState { robot: self.model.saved(&self.config), ..state })
     }
 
     fn nis(&self) -> f64 {

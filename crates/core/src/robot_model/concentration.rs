@@ -30,7 +30,8 @@ pub(super) struct Arc {
 const DIRECTIONS: usize = 144;
 /// Bins of the distance between line and origin. It sizes an array.
 const RHO_BINS: usize = 256;
-const STEP_RAD: f64 = TAU / DIRECTIONS as f64;
+/// Angle between two directions, radians.
+pub(super) const STEP_RAD: f64 = TAU / DIRECTIONS as f64;
 
 /// The accumulator.
 #[derive(Clone, Debug)]
@@ -54,7 +55,7 @@ impl Concentration {
         Self {
             votes: vec![0.0; DIRECTIONS * RHO_BINS],
             normals: (0..DIRECTIONS).map(normal).collect(),
-            ballots: Vec::with_capacity(arcs * DIRECTIONS / 2),
+            ballots: Vec::with_capacity(arcs * (DIRECTIONS / 2 + 2)),
             ends: Vec::with_capacity(arcs),
         }
     }
@@ -88,14 +89,25 @@ impl Concentration {
         let reach_rad = (arc.half_angle_rad + params.max_incidence_rad).min(FRAC_PI_2);
         #[expect(clippy::cast_possible_truncation, reason = "an angle of a few turns")]
         let index = |angle_rad: f64| libm::round(angle_rad / STEP_RAD) as i64;
-        let (first, last) = (index(arc.sensor.theta_rad - reach_rad), index(arc.sensor.theta_rad + reach_rad));
+        let (theta_rad, half_rad) = (arc.sensor.theta_rad, arc.half_angle_rad);
+        let (first, last) = (index(theta_rad - reach_rad), index(theta_rad + reach_rad));
+        // Where the echo came from if the normal lies outside the cone: the end of the cone's nearer edge.
+        let end = |edge_rad: f64| {
+            let (sin, cos) = libm::sincos(edge_rad);
+            (arc.sensor.x_m + arc.range_m * cos, arc.sensor.y_m + arc.range_m * sin)
+        };
+        let (right, left) = (end(theta_rad - half_rad), end(theta_rad + half_rad));
         for step in first..=last {
             let direction = usize::try_from(step.rem_euclid(DIRECTIONS as i64)).unwrap_or(0);
             let (cos, sin) = self.normals[direction];
-            let off_rad = (step as f64 * STEP_RAD - arc.sensor.theta_rad).abs() - arc.half_angle_rad;
-            let (depth_m, weight) =
-                if off_rad > 0.0 { (arc.range_m * libm::cos(off_rad), edge) } else { (arc.range_m, 1.0) };
-            let rho_m = arc.sensor.x_m * cos + arc.sensor.y_m * sin + depth_m;
+            let off_rad = step as f64 * STEP_RAD - theta_rad;
+            let (rho_m, weight) = if off_rad > half_rad {
+                (left.0 * cos + left.1 * sin, edge)
+            } else if off_rad < -half_rad {
+                (right.0 * cos + right.1 * sin, edge)
+            } else {
+                (arc.sensor.x_m * cos + arc.sensor.y_m * sin + arc.range_m, 1.0)
+            };
             // Walls lie ahead of the sensors more often than behind the origin.
             let bin = rho_m / params.rho_step_m + 0.25 * RHO_BINS as f64;
             if bin >= 0.0 && bin < (RHO_BINS - 1) as f64 {

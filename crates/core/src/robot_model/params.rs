@@ -11,7 +11,8 @@ use crate::geometry::degrees;
 /// | `max_keys` | 96 | sweeps | by design: 2.4 m at 0.25 m/s and 10 Hz | Too small: two hypotheses look alike. Too large: drift blurs the walls of the right one |
 /// | `min_keys` | 16 | sweeps | by design: less than a metre at 2 Hz | Too small: chance decides. Too large: a wrong robot is named late |
 /// | `first_keys` | 20 | sweeps | as `min_keys` | As `min_keys` |
-/// | `returns_per_key` | 6 | returns | measured: 16 tell the same robots apart | Too small: chance decides. Too large: time is wasted |
+/// | `min_returns` | 60 | returns | by design: three in each of the first sweeps | Too small: a single wall decides. Too large: sparse rings are never checked |
+/// | `returns_per_key` | 4 | returns | board.py: 6 and 16 tell the same robots apart | Too small: chance decides. Too large: time is wasted |
 /// | `min_step_m` | 0.01 | m | by design: below half of a sweep's travel at walking pace | Too small: a standing robot fills the window. Too large: four times too few ticks fill it slowly |
 /// | `rim_m` | 0.15 | m | by design: radius of a usual ring | Too small: turning fills the window slowly. Too large: the window holds little travel |
 /// | `max_path_m` | 8.0 | m | by design: wheels drift by 2 % | Too small: little is seen at low rates. Too large: drift blurs walls |
@@ -26,14 +27,16 @@ use crate::geometry::degrees;
 /// | `known_turn_rad` | 6.28 | rad | by design: one turn | As `known_keys` |
 /// | `turn_ratio` | 1.05 | 1 | by design: a suspect that differs by less is no matter of turning | Too small: a straight way answers nothing. Too large: a straight way refutes a wrong turning |
 /// | `telling_turn_rad` | 1.0 | rad | by design: two thirds of a right angle | As `turn_ratio` |
-/// | `fits_ratio` | 1.1 | 1 | homes 1-60: nineteen of twenty windows of a right robot lie below | Too small: false alarms. Too large: small differences are not seen |
+/// | `fits_ratio` | 1.15 | 1 | homes 1-60: nineteen of twenty windows of a right robot lie below | Too small: false alarms. Too large: small differences are not seen |
 /// | `suspect_evidence` | 0.3 | nat | as `fits_ratio` | Too small: doubts without a cause. Too large: a wrong robot is silent for longer |
 /// | `evidence_keys` | 10 | sweeps | by design: a tenth of the window is new | Too small: one chance counts many times. Too large: a wrong robot is named late |
 /// | `decay` | 0.9 | 1 per `evidence_keys` | as `fits_ratio` | Too small: weak evidence never adds up. Too large: old evidence lasts |
+/// | `confirm_every_sweeps` | 3 | sweeps | by design: a confirmation takes as long as a round of the search | Too small: time is wasted. Too large: a wrong robot is named late |
+/// | `decide_keys` | 200 | sweeps | by design: some 5 m without a turn | Too small: the wheels' scale is blamed for the ranges' unit. Too large: a robot that never turns is never named |
 /// | `confirm_share` | 0.5 | 1 | homes 1-60: of the log ratio that raised the suspicion | Too small: false alarms. Too large: small differences are never named |
 /// | `same_cause_ratio` | 1.15 | 1 | by design: below, turning has not told two causes apart | Too small: the wrong key is named. Too large: naming waits for a turn |
 /// | `same_model` | 2.5 | 1 | by design: half a factor | Too small: a confirmation that differs a little is refused |
-/// | `occam` | 0.08 | nat | by design: what chance adds to the sharpness | Too small: one cause is named as two. Too large: two are named as one |
+/// | `occam` | 0.2 | nat | by design: what chance adds to the sharpness | Too small: one cause is named as two. Too large: two are named as one |
 /// | `max_factor` | 5.0 | 1 | by design: edges for pulses is a factor of 4 | Too small: a wrong robot is not found. Too large: an empty corridor, which shows no travel, proves any |
 /// | `factor_penalty` | 0.1 | nat per e-fold | by design: a compressed layout is a little sharper by itself | Too small: an empty corridor stops the robot. Too large: wrong scales are found late |
 /// | `known_caution` | 2.0 | 1 | by design: a robot that fitted for metres does not change | Too small: slip becomes a lasting doubt. Too large: a late change is never named |
@@ -48,6 +51,7 @@ pub struct Params {
     pub max_keys: usize,
     pub min_keys: usize,
     pub first_keys: usize,
+    pub min_returns: usize,
     pub returns_per_key: usize,
     pub min_step_m: f64,
     pub rim_m: f64,
@@ -67,6 +71,8 @@ pub struct Params {
     pub suspect_evidence: f64,
     pub evidence_keys: f64,
     pub decay: f64,
+    pub confirm_every_sweeps: u64,
+    pub decide_keys: u64,
     pub confirm_share: f64,
     pub same_cause_ratio: f64,
     pub same_model: f64,
@@ -87,7 +93,8 @@ impl Default for Params {
             max_keys: 96,
             min_keys: 16,
             first_keys: 20,
-            returns_per_key: 6,
+            min_returns: 60,
+            returns_per_key: 4,
             min_step_m: 0.01,
             rim_m: 0.15,
             max_path_m: 8.0,
@@ -102,14 +109,16 @@ impl Default for Params {
             known_turn_rad: std::f64::consts::TAU,
             turn_ratio: 1.05,
             telling_turn_rad: 1.0,
-            fits_ratio: 1.1,
+            fits_ratio: 1.15,
             suspect_evidence: 0.3,
             evidence_keys: 10.0,
             decay: 0.9,
+            confirm_every_sweeps: 3,
+            decide_keys: 200,
             confirm_share: 0.5,
             same_cause_ratio: 1.15,
             same_model: 2.5,
-            occam: 0.08,
+            occam: 0.2,
             max_factor: 5.0,
             factor_penalty: 0.1,
             known_caution: 2.0,

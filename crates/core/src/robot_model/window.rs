@@ -18,6 +18,8 @@ pub(super) struct Window {
     /// Path of all keys, metres; a rotation counts as the way of the ring's rim.
     path_m: f64,
     next_sensor: usize,
+    /// Since the last clear, older sweeps have left.
+    is_full: bool,
 }
 
 /// One sweep of the window.
@@ -46,6 +48,7 @@ impl Window {
             dtheta_rad: 0.0,
             path_m: 0.0,
             next_sensor: 0,
+            is_full: false,
         }
     }
 
@@ -68,6 +71,17 @@ impl Window {
         self.keys.clear();
         self.returns.clear();
         (self.ds_m, self.dtheta_rad, self.path_m) = (0.0, 0.0, 0.0);
+        self.is_full = false;
+    }
+
+    /// The returns held.
+    pub(super) fn returns(&self) -> usize {
+        self.returns.len()
+    }
+
+    /// True if it holds all that it can.
+    pub(super) const fn is_full(&self) -> bool {
+        self.is_full
     }
 
     /// Adds a sweep of the configured robot if it has moved since the last one. True if it was added.
@@ -108,15 +122,18 @@ impl Window {
         let is_long = |window: &Self| window.path_m > params.max_path_m && window.len() > params.min_keys;
         while self.len() > params.max_keys || is_long(self) {
             let Some(oldest) = self.keys.pop_front() else { break };
+            self.is_full = true;
             self.path_m -= oldest.path_m;
             self.returns.drain(..oldest.returns);
         }
         true
     }
 
-    /// All returns as a robot lays them out, in the frame of its oldest pose. `ring` is that robot's.
-    pub(super) fn for_each_arc(&self, model: &RobotModel, ring: &Ring, mut each: impl FnMut(Arc)) {
-        let mut at = Placement::from(Pose2::default());
+    /// All returns as a robot lays them out, in the frame of its oldest pose and measured by the reported ranges: a smaller unit would
+    /// make walls look sharper. `ring` is that robot's, `heading_rad` its first heading.
+    pub(super) fn for_each_arc(&self, model: &RobotModel, ring: &Ring, heading_rad: f64, mut each: impl FnMut(Arc)) {
+        let model = model.in_reported_ranges();
+        let mut at = Placement::from(Pose2::new(0.0, 0.0, heading_rad));
         let mut returns = self.returns.iter();
         for (index, key) in self.keys.iter().enumerate() {
             if index > 0 {
@@ -162,7 +179,7 @@ mod tests {
         assert!(window.len() <= params.max_keys && window.path_m <= params.max_path_m);
         let model = RobotModel { travel: 0.5, ..RobotModel::AS_CONFIGURED };
         let (mut farthest_m, mut sensors) = (0.0_f64, std::collections::BTreeSet::new());
-        window.for_each_arc(&model, &ring, |arc| {
+        window.for_each_arc(&model, &ring, 0.0, |arc| {
             farthest_m = farthest_m.max(arc.sensor.x_m);
             sensors.insert(format!("{:.3}", arc.sensor.theta_rad));
         });

@@ -9,7 +9,7 @@ use crate::mapping::grid::MapChange;
 use crate::mapping::raster::Raster;
 use crate::pipeline::{Estimator, Waiting};
 use crate::position::ekf_slam::{Association, EkfSlam};
-use crate::saved_state::SavedState;
+use crate::saved_state::{FoundRobot, SavedState};
 use crate::sweep::Sweep;
 
 impl Estimator for WallSlam {
@@ -76,6 +76,7 @@ impl Estimator for WallSlam {
             inactive,
             map: self.stages.grid.saved_state(),
             sensors: self.stages.detector.saved_state(),
+            robot: FoundRobot::default(),
         })
     }
 

@@ -9,6 +9,7 @@
 /// |---|---|---|---|---|
 /// | `resume_sigma_m` | 0.1 | m | not measured since the first version | Too small: a robot that was moved by hand is gated out. Too large: it may associate the wrong wall |
 /// | `axis_sigma_rad` | 3 | degrees | not measured since the first version | Too small: a wrong axis bends the map. Too large: the axis corrects nothing |
+/// | `min_sensors_to_correct` | 3 | sensors | board.py: one and two sensors drag a pose off exact wheels | Too small: the pose is worse than the encoders'. Too large: a small ring maps with its encoders alone |
 /// | `min_sensors_to_detect_loss` | 12 | sensors | measured: with 8 sensors one drive in three raised a false alarm (commit "Heading from how misfits along a wall grow with a turn") | Too small: false alarms suspend mapping. Too large: a kidnapped robot with a small ring is not noticed |
 /// | `vague_sigma_m` | 0.3 | m | by design: a silent error begins at 0.3 m | Too small: poses on the way through a hall are called uncertain. Too large: a robot that no wall corrects says nothing |
 /// | `known_sigma_m` | 0.15 | m | by hand: half of `vague_sigma_m` | Near `vague_sigma_m`: the doubt comes and goes |
@@ -58,6 +59,8 @@ pub struct Params {
     pub resume_sigma_m: f64,
     /// Standard deviation of a heading read off the axis, radians.
     pub axis_sigma_rad: f64,
+    /// A ring with fewer sensors does not correct the pose.
+    pub min_sensors_to_correct: usize,
     /// Sensors that a ring needs for the loss of localization to be declared.
     pub min_sensors_to_detect_loss: usize,
     /// The pose is doubted above this standard deviation of the position, metres.
@@ -151,6 +154,7 @@ impl Default for Params {
         Self {
             resume_sigma_m: 0.1,
             axis_sigma_rad: 3.0 * std::f64::consts::PI / 180.0,
+            min_sensors_to_correct: 3,
             min_sensors_to_detect_loss: 12,
             vague_sigma_m: 0.3,
             known_sigma_m: 0.15,

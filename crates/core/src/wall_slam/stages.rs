@@ -34,6 +34,8 @@ pub(super) struct Stages {
     /// Scratch of the initializer and the relocalizer, which lay out all returns anew for each search.
     pub(super) finder: DominantDirections,
     pub(super) grid: OccupancyGrid,
+    /// True if the ring has enough sensors to correct the pose.
+    pub(super) can_correct: bool,
     /// True if the ring has enough sensors to tell clutter from another location.
     pub(super) can_detect_loss: bool,
     /// The last sweep whose echoes agreed with the walls.
@@ -68,6 +70,7 @@ impl Stages {
             axis_monitor: AxisMonitor::new(finder.clone()),
             finder,
             grid: OccupancyGrid::with_params(config.map.cell_m, params.mapping),
+            can_correct: ring.len() >= params.wall_slam.min_sensors_to_correct,
             can_detect_loss: ring.len() >= params.wall_slam.min_sensors_to_detect_loss,
             last_agreement: (0, Timestamp::default()),
             doubts: Doubts::default(),

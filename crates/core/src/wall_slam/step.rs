@@ -86,8 +86,11 @@ impl Predicted {
     ) -> Corrected<'s> {
         let sweep = judged.sweep;
         debug_assert_eq!(self.sweep, sweep.index, "the prediction of another sweep");
-        self.robot.ekf.correct(sweep, permit.is_some(), |sensor| stages.detector.is_trusted(sensor));
-        stages.check_heading(&mut self.robot.ekf, sweep);
+        let can_correct = stages.can_correct;
+        self.robot.ekf.correct(sweep, permit.is_some(), |sensor| can_correct && stages.detector.is_trusted(sensor));
+        if can_correct {
+            stages.check_heading(&mut self.robot.ekf, sweep);
+        }
         stages.learn_errors(&self.robot.ekf);
         Corrected { robot: self.robot, sweep }
     }
