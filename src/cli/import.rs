@@ -4,7 +4,9 @@ use super::outputs::{ForceArg, can_be_made_again};
 use super::{Failure, Kind, config};
 use clap::{Args, Subcommand};
 use slamd_capture::CaptureError;
-use slamd_eval::import::{Columns, Counting, Drive, ImportError, Options, RangeUnit, Scan, TimeUnit, carmen, ring};
+use slamd_eval::import::{
+    Columns, Counting, Drive, ImportError, Options, RangeUnit, Scan, TimeUnit, bag, carmen, ring,
+};
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
@@ -13,6 +15,7 @@ const EXAMPLES: &str = "Examples:
   slamd import ring drive.csv --config robot.toml --capture drive.mcap
   slamd import ring drive.csv --config robot.toml --capture drive.mcap --time-unit ms --range-unit cm --no-echo 0
   slamd import ring log.csv --config robot.toml --capture drive.mcap --columns t_s=millis,left_ticks=encL,right_ticks=encR --time-unit ms
+  slamd import bag rosbag2_2026_05_01/ --config robot.toml --capture drive.mcap
   slamd import carmen fr079.log.gz --config robot.toml --capture fr079.mcap
 
 Files may be gzipped or in UTF-16, with commas, semicolons or tabs, decimal points or commas. docs/cli.md has all that is read.";
@@ -31,6 +34,8 @@ enum Format {
     Ring(RingArgs),
     /// A CARMEN text log: ODOM, SONAR, ROBOTLASER1 and FLASER lines
     Carmen(CarmenArgs),
+    /// A ROS 2 bag (MCAP or SQLite, a file or its folder): Range or LaserScan, with JointState or Odometry
+    Bag(Recording),
 }
 
 #[derive(Debug, Args)]
@@ -106,6 +111,7 @@ impl ImportArgs {
                 (&args.recording, options)
             }
             Format::Carmen(args) => (&args.recording, Options { scan: args.scan, ..Options::default() }),
+            Format::Bag(recording) => (recording, Options::default()),
         };
         options.no_echo.clone_from(&files.no_echo);
         options.run = files.run.map(usize::from);
@@ -115,21 +121,25 @@ impl ImportArgs {
         guard.check(&files.capture)?;
         let config = config::read(&files.config)?;
         let name = files.recording.display().to_string();
-        let input: Box<dyn Read> = if is_standard_input {
-            Box::new(io::stdin().lock())
-        } else {
-            Box::new(File::open(input_path).map_err(|source| ImportError::Io { file: name.clone(), source })?)
+        let input = || -> Result<Box<dyn Read>, ImportError> {
+            if is_standard_input {
+                return Ok(Box::new(io::stdin().lock()));
+            }
+            let file = File::open(input_path).map_err(|source| ImportError::Io { file: name.clone(), source })?;
+            Ok(Box::new(file))
         };
         let drive = match &self.format {
-            Format::Ring(_) => ring::read(input, &name, &config, &options),
-            Format::Carmen(_) => carmen::read(input, &name, &config, &options),
+            Format::Ring(_) => ring::read(input()?, &name, &config, &options),
+            Format::Carmen(_) => carmen::read(input()?, &name, &config, &options),
+            Format::Bag(_) => bag::read(input_path, &config, &options),
         }?;
         drive.doubts().iter().for_each(|doubt| tracing::warn!("{name}: {doubt}"));
+        let say = |remark: &String| eprintln!("{name}: {}", super::terminal::plain(remark));
+        drive.remarks().iter().for_each(say);
+        let said = drive.remarks().len();
         let output = guard.output_replacing(&files.capture, |path| may_replace(&drive, path))?;
         let summary = drive.write(output)?;
-        for remark in &summary.remarks {
-            eprintln!("{name}: {}", super::terminal::plain(remark));
-        }
+        summary.remarks.iter().skip(said).for_each(say);
         eprintln!("{}: {summary}", files.capture.display());
         Ok(())
     }

@@ -276,23 +276,34 @@ impl Log {
         (column..column + count).map(|column| line.number(fields, column, "a range in metres")).collect()
     }
 
-    /// What each sensor of the ring would have seen of a laser's beams.
     fn seen(&self, beams: &Beams, ranges_m: &[f64], most_m: f64) -> Vec<f64> {
-        let least = |mounting: &Mounting| -> Option<f64> {
-            let bearing_deg = mounting.robot_from_sensor.theta_rad.to_degrees();
-            let half_deg = mounting.half_angle_rad.to_degrees();
-            beams.nearest(bearing_deg)?;
-            let seen = ranges_m.get(beams.clamped(bearing_deg - half_deg)?..=beams.clamped(bearing_deg + half_deg)?)?;
-            let range = |beam_m: &f64| self.range(if *beam_m >= most_m { f64::INFINITY } else { *beam_m });
-            seen.iter().filter_map(range).min_by(f64::total_cmp)
-        };
-        self.mountings.iter().map(|mounting| least(mounting).unwrap_or(f64::NAN)).collect()
+        let cut = |range_m: &f64| if *range_m >= most_m { f64::INFINITY } else { *range_m };
+        seen(&self.mountings, beams, &ranges_m.iter().map(cut).collect::<Vec<_>>(), self.max_range_m)
     }
 
-    fn range(&self, beam_m: f64) -> Option<f64> {
-        let is_nothing = beam_m > self.max_range_m || beam_m >= NOTHING_M;
-        (beam_m > 0.0).then_some(if is_nothing { f64::INFINITY } else { beam_m })
+    fn range(&self, range_m: f64) -> Option<f64> {
+        range(range_m, self.max_range_m)
     }
+}
+
+/// What each sensor of a ring would have seen of a laser's beams; NaN for nothing.
+pub(super) fn seen(mountings: &[Mounting], beams: &Beams, ranges_m: &[f64], max_range_m: f64) -> Vec<f64> {
+    let least = |mounting: &Mounting| -> Option<f64> {
+        let bearing_deg = mounting.robot_from_sensor.theta_rad.to_degrees();
+        let half_deg = mounting.half_angle_rad.to_degrees();
+        beams.nearest(bearing_deg)?;
+        let ends = [beams.clamped(bearing_deg - half_deg)?, beams.clamped(bearing_deg + half_deg)?];
+        // A laser may count from left to right.
+        let seen = ranges_m.get(*ends.iter().min()?..=*ends.iter().max()?)?;
+        seen.iter().filter_map(|range_m| range(*range_m, max_range_m)).min_by(f64::total_cmp)
+    };
+    mountings.iter().map(|mounting| least(mounting).unwrap_or(f64::NAN)).collect()
+}
+
+/// A beam's range; infinity for nothing in range, none for no measurement.
+fn range(range_m: f64, max_range_m: f64) -> Option<f64> {
+    let is_nothing = range_m > max_range_m || range_m >= NOTHING_M;
+    (range_m > 0.0).then_some(if is_nothing { f64::INFINITY } else { range_m })
 }
 
 const SECONDS: &str = "a time stamp in seconds";

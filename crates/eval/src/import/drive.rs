@@ -103,6 +103,12 @@ impl Drive {
         &self.summary.doubts
     }
 
+    /// What was found and done, one sentence each.
+    #[must_use]
+    pub fn remarks(&self) -> &[String] {
+        &self.summary.remarks
+    }
+
     /// False if the end of the recording is missing.
     #[must_use]
     pub const fn is_whole(&self) -> bool {

@@ -8,6 +8,7 @@
 #![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
 #![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
 
+pub mod bag;
 pub mod carmen;
 mod columns;
 mod counts;
