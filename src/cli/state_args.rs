@@ -123,9 +123,16 @@ impl Saves {
 
     /// Saves session and calibration at the end, as requested. A failure of one does not prevent the other.
     pub(super) fn save(self, saver: Option<Saver>, session: &Session) -> Result<(), Failure> {
-        let saved = saver.map_or(Ok(()), |saver| saver.finish(session.saved_state()));
-        if let (Some(output), Some(config)) = (self.calibration, session.calibrated()) {
-            write_robot(output, &config, "slamd --save-calibration")?;
+        let state = session.saved_state();
+        // Without a map nothing has been learnt of the wheels.
+        let calibrated = state.is_some().then(|| session.calibrated()).flatten();
+        let saved = saver.map_or(Ok(()), |saver| saver.finish(state));
+        match (self.calibration, calibrated) {
+            (Some(output), Some(config)) => write_robot(output, &config, "slamd --save-calibration")?,
+            (Some(output), None) => {
+                tracing::warn!("{}: not written, because there is no calibration to save yet", output.path().display());
+            }
+            (None, _) => {}
         }
         Ok(saved?)
     }

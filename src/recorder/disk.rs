@@ -70,7 +70,9 @@ impl Disk for Folder {
     }
 
     fn remove(&mut self, part: u32) -> io::Result<()> {
-        std::fs::remove_file(self.path(part))
+        let path = self.path(part);
+        // A pipe or a device that the user named stays.
+        if std::fs::symlink_metadata(&path)?.is_file() { std::fs::remove_file(path) } else { Ok(()) }
     }
 
     fn free_bytes(&mut self) -> Option<u64> {

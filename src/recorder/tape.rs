@@ -94,7 +94,10 @@ impl<D: Disk> Tape<D> {
     /// When the file cannot be created or written.
     pub fn begin(mut disk: D, info: CaptureInfo, plan: Plan) -> Result<Self, CaptureError> {
         let begun = Part::begin_next(&mut disk, &info, 1, Timestamp::default()).and_then(|mut part| {
-            part.drain()?;
+            part.drain().inspect_err(|_| {
+                // An empty file is no recording.
+                let _ = disk.remove(part.number);
+            })?;
             Ok(part)
         });
         let part = begun.map_err(|source| CaptureError::Io { path: disk.path(1), source })?;

@@ -5,6 +5,7 @@ mod full_disk;
 mod import_bag;
 mod kill;
 mod outputs;
+mod power_cut;
 mod recording;
 mod resume;
 mod ros2;
