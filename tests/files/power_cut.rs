@@ -37,8 +37,7 @@ fn a_power_cut_costs_ten_seconds() {
     // SIGKILL.
     drop(daemon);
     let trajectory = std::fs::read_to_string(out.join("trajectory.tum")).unwrap();
-    let poses: Vec<f64> =
-        trajectory.lines().map(|line| line.split(' ').next().unwrap().parse().unwrap()).collect();
+    let poses: Vec<f64> = trajectory.lines().map(|line| line.split(' ').next().unwrap().parse().unwrap()).collect();
     assert!(trajectory.ends_with('\n') && poses.len() > 20, "{} poses", poses.len());
     for name in ["map.pgm", "map.png", "map.yaml", "odometry.tum", "faults.csv", "lock.csv"] {
         assert!(out.join(name).exists(), "there is no {name}");
@@ -55,9 +54,9 @@ fn a_power_cut_costs_ten_seconds() {
         .unwrap();
     assert_eq!(replay.status.code(), Some(73), "{}", String::from_utf8_lossy(&replay.stderr));
     assert_eq!(std::fs::read(out.join("map.pgm")).unwrap(), map);
-    let parts = std::fs::read_dir(&out).unwrap().filter(|entry| {
-        entry.as_ref().unwrap().file_name().to_string_lossy().ends_with(".part")
-    });
+    let parts = std::fs::read_dir(&out)
+        .unwrap()
+        .filter(|entry| entry.as_ref().unwrap().file_name().to_string_lossy().ends_with(".part"));
     assert_eq!(parts.count(), 0);
 }
 

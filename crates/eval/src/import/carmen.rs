@@ -17,7 +17,7 @@
 
 use super::drive::{Drive, Found};
 use super::rows::Row;
-use super::{ImportError, Options, SourceLine, WheelTicks, stamps, text};
+use super::{ImportError, Options, SourceLine, WheelTicks, sequence, text};
 use slamd_core::{Config, Mounting, Pose2, wrap_angle};
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -106,7 +106,7 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
     if log.rows.iter().all(|row| row.ticks.contains(&None)) {
         found.doubts.push("there is no ODOM line: the robot stands still".into());
     }
-    stamps::sort(&mut log.rows);
+    sequence::sort(&mut log.rows);
     Drive::new(log.rows, found, file, config, options)
 }
 

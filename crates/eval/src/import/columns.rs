@@ -24,6 +24,22 @@ pub enum Columns {
     Named(Vec<(String, String)>),
 }
 
+impl Columns {
+    /// The header's name of the column with the stamps.
+    pub(super) fn first(&self) -> &str {
+        let pairs = if let Self::Named(pairs) = self { pairs.as_slice() } else { &[] };
+        pairs.iter().find(|(ours, _)| ours == T_S).map_or(T_S, |(_, theirs)| theirs)
+    }
+
+    /// True if the names of a header are not needed.
+    pub(super) const fn is_in_order(&self) -> bool {
+        matches!(self, Self::InOrder(_))
+    }
+}
+
+/// The name of the column with the stamps.
+pub(super) const T_S: &str = "t_s";
+
 impl FromStr for Columns {
     type Err = String;
 
@@ -56,7 +72,7 @@ impl FromStr for Columns {
 /// More sensors than any ring has.
 const MAX_SENSORS: usize = 256;
 /// The header of a ring CSV up to the ranges.
-const LEADING: [&str; 3] = ["t_s", "left_ticks", "right_ticks"];
+const LEADING: [&str; 3] = [T_S, "left_ticks", "right_ticks"];
 
 fn role(name: &str) -> Result<Role, String> {
     let sensor = || name.strip_prefix(['r', 'R'])?.parse().ok().filter(|sensor| *sensor < MAX_SENSORS);

@@ -101,7 +101,7 @@ mod tests {
         assert_eq!(found(|k| 4_294_966_796.0 + 150.0 * k), Counting::Counts);
         // A robot that stands, and one that trembles.
         assert_eq!(found(|_| 500.0), Counting::Counts);
-        assert_eq!(found(|k| 500.0 + if k as u32 % 10 == 0 { 1.0 } else { 0.0 }), Counting::Counts);
+        assert_eq!(found(|k| 500.0 + if k % 10.0 < 0.5 { 1.0 } else { 0.0 }), Counting::Counts);
         // Half a metre forth and back.
         assert_eq!(found(|k| (3_000.0 * libm::sin(0.05 * k)).round()), Counting::Counts);
     }

@@ -124,6 +124,7 @@ impl Drive {
         let mut recorder = Recorder::create(output, &config, notes, unix_zero_us)?;
         recorder.summary = summary;
         let mut wheels = WheelCheck::new(&config.robot);
+        let mut last: Option<(f64, [i32; 2])> = None;
         for (index, row) in rows.iter().enumerate() {
             let is_end = ends.as_ref().map(|ends| ends.get(index).is_none_or(|is_end| *is_end));
             let ticks = row.ticks.map(Option::unwrap_or_default);
@@ -131,6 +132,9 @@ impl Drive {
             let ranges_m: Vec<Option<f64>> =
                 row.readings.iter().map(|reading| (!reading.is_nan()).then(|| range_m(*reading))).collect();
             let has_readings = ranges_m.iter().any(Option::is_some);
+            if let Some((last_s, standing)) = last.replace((row.t_s, ticks)) {
+                recorder.bridge(last_s, row.t_s, standing)?;
+            }
             recorder.advance(row.t_s);
             wheels.row(row.line, recorder.at(), ticks);
             match is_end {

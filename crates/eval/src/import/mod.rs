@@ -17,6 +17,7 @@ mod ranges;
 mod recorder;
 pub mod ring;
 mod rows;
+mod sequence;
 mod stamps;
 mod table;
 mod text;

@@ -67,6 +67,8 @@ pub(super) struct Recorder {
 }
 
 const STEP_BACK_US: u64 = 1_000;
+/// Time between two counts in a pause, seconds.
+const BRIDGE_S: f64 = 60.0;
 
 impl Recorder {
     /// Creates the capture and writes HELLO, GEOMETRY and STATUS.
@@ -172,6 +174,18 @@ impl Recorder {
         self.summary.encoder_rows += 1;
         let t_us = self.clock_us();
         self.write(&Message::Encoder(Encoder { t_us, left_ticks, right_ticks, flags: 0 }))
+    }
+
+    /// Stands still through a pause. A board's clock wraps after 71 minutes, so it must be heard of more often than that.
+    pub(super) fn bridge(&mut self, from_s: f64, to_s: f64, ticks: [i32; 2]) -> Result<(), CaptureError> {
+        let mut at_s = from_s + BRIDGE_S;
+        while at_s < to_s {
+            self.advance(at_s);
+            self.encoders(ticks)?;
+            self.summary.encoder_rows -= 1;
+            at_s += BRIDGE_S;
+        }
+        Ok(())
     }
 
     pub(super) fn finish(self) -> Result<Summary, CaptureError> {

@@ -8,12 +8,12 @@
 //! that have just answered, the others empty, `nan`, 0 or negative, the rows of a cycle become one sweep, each with its own time and
 //! counts.
 
-use super::columns::{Role, roles};
+use super::columns::{Columns, Role, T_S, roles};
 use super::counts::{self, Cells, Counting};
 use super::drive::{Drive, Found};
 use super::rows::{Filler, Row};
-use super::stamps::{spread_equal, typical_step_s};
-use super::table::{Record, Table};
+use super::sequence::{spread_equal, typical_step_s};
+use super::table::{Record, Table, excerpt};
 use super::{ImportError, Options, SourceLine, text, times};
 use slamd_core::Config;
 use std::f64::consts::TAU;
@@ -28,8 +28,10 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
     let sensors = config.ring.ring().ok_or(ImportError::Config("ring.circle or ring.sensors"))?.len();
     let ticks_per_turn = config.robot.ticks_per_turn.ok_or(ImportError::Config("robot.ticks_per_turn"))?;
     let text = text::read(input, file)?;
-    let table = Table::read(&text.text, options.columns.is_some());
-    let roles = roles(options.columns.as_ref(), table.header.as_ref(), file, sensors)?;
+    let columns = options.columns.as_ref();
+    let first = columns.map_or(T_S, Columns::first);
+    let mut table = Table::read(&text.text, first, columns.is_some_and(Columns::is_in_order));
+    let roles = roles(columns, table.header.as_ref(), file, sensors)?;
     let mut found = Found {
         kind: "the ring CSV",
         is_whole: text.is_whole,
@@ -37,6 +39,9 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
         remarks: text.remarks,
         ..Found::default()
     };
+    if table.header.is_none() {
+        skip_head(&mut table, &roles, &mut found);
+    }
     if let Some(garbage) = &table.garbage {
         let header = table.header.as_ref().map_or(1, |header| header.line);
         found
@@ -71,6 +76,20 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
     counts::fill(&mut rows, &cells);
     Drive::new(rows, found, file, config, options)
 }
+
+/// Leaves out what stands before the first row, where the columns are named in order: another header, boot messages.
+fn skip_head(table: &mut Table, roles: &[Role], found: &mut Found) {
+    let time = roles.iter().position(|role| *role == Role::Time).unwrap_or_default();
+    let is_row = |record: &Record| record.fields.get(time).is_some_and(|field| field.parse::<f64>().is_ok());
+    let count = table.records.iter().take(MAX_HEAD).position(is_row).unwrap_or_default();
+    if let Some(head) = table.records.drain(..count).next() {
+        let line = head.line;
+        found.remarks.push(format!("line {line}: `{}` is no row and left out", excerpt(&head.fields.join(","))));
+    }
+}
+
+/// A head has fewer lines.
+const MAX_HEAD: usize = 200;
 
 /// The rows without counts, and their encoder cells.
 fn parse(

@@ -4,6 +4,7 @@
 //! stepped, and they follow on; or another run begins, where also the counts start anew and the ranges are those of another location.
 
 use super::rows::Row;
+use super::sequence::typical_step_s;
 
 /// What has been found, and the session's begin.
 #[derive(Debug, Default)]
@@ -39,22 +40,6 @@ pub(super) struct Wheel {
     /// The recording has ticks since the row before.
     pub(super) is_deltas: bool,
 }
-
-/// Brings rows of several sources into the order of their times, where they are late by less than a second.
-pub(super) fn sort(rows: &mut [Row]) {
-    for index in 1..rows.len() {
-        let mut at = index;
-        while let Some([before, row]) = at.checked_sub(1).and_then(|before| rows.get_mut(before..=at)) {
-            if !(0.0..MAX_LATE_S).contains(&(before.t_s - row.t_s)) || before.t_s.total_cmp(&row.t_s).is_eq() {
-                break;
-            }
-            std::mem::swap(before, row);
-            at -= 1;
-        }
-    }
-}
-
-const MAX_LATE_S: f64 = 1.0;
 
 /// Puts the rows' times in order. `run` is the run to keep where there are several, from 1.
 pub(super) fn repair(rows: &mut Vec<Row>, wheel: Wheel, run: Option<usize>) -> Stamps {
@@ -178,7 +163,10 @@ impl Walk<'_> {
             if raw_s.is_nan() {
                 self.wrong.push((line, raw_s));
             } else {
-                let remark = format!("line {line}: the clock steps by {step_s:.1} s; the rows after it follow on");
+                let remark = format!(
+                    "line {line}: the clock steps by {:.2} s; the rows after it follow on",
+                    step_s - self.typical_s
+                );
                 self.stamps.remarks.push(remark);
                 self.offset_s = at_s - raw_s;
                 self.epoch_after_step(raw_s, at_s);
@@ -226,36 +214,6 @@ fn say_wrong(wrong: &[(usize, f64)], stamps: &mut Stamps) {
     if wrong.len() > MAX_REMARKS {
         stamps.remarks.push(format!("{} stamps were interpolated", wrong.len()));
     }
-}
-
-/// Stamps of a clock that counts whole seconds: rows of one stamp are spread to the next. Returns what was done.
-pub(super) fn spread_equal(rows: &mut [Row]) -> Option<String> {
-    let times: Vec<f64> = rows.iter().map(|row| row.t_s).collect();
-    let equal = times.windows(2).filter(|pair| matches!(pair, [a, b] if a.total_cmp(b).is_eq())).count();
-    if rows.len() < 4 || 2 * equal < rows.len() {
-        return None;
-    }
-    let mut begin = 0;
-    while let Some(&at_s) = times.get(begin) {
-        let count = times.iter().skip(begin).take_while(|time| time.total_cmp(&at_s).is_eq()).count();
-        let next_s =
-            times.get(begin + count).copied().filter(|next_s| *next_s > at_s && *next_s - at_s <= 2.0 * REACH_S);
-        if let Some(next_s) = next_s {
-            for (place, row) in (0u32..).zip(rows.iter_mut().skip(begin).take(count)) {
-                row.t_s = at_s + (next_s - at_s) * f64::from(place) / count as f64;
-            }
-        }
-        begin += count.max(1);
-    }
-    Some(format!("{equal} rows have the time of the row before; rows of one stamp are spread evenly to the next"))
-}
-
-/// Half of the steps between rows are shorter, seconds.
-pub(super) fn typical_step_s(rows: &[Row]) -> f64 {
-    let steps = rows.windows(2).filter_map(|pair| Some(pair.last()?.t_s - pair.first()?.t_s));
-    let mut steps: Vec<f64> = steps.filter(|step_s| *step_s > 0.0 && step_s.is_finite()).collect();
-    steps.sort_by(f64::total_cmp);
-    steps.get(steps.len() / 2).copied().unwrap_or(0.1)
 }
 
 /// True if most sensors measure the same before a row and from it on.
@@ -324,7 +282,8 @@ mod tests {
                 let is_wrong = |k: u32| at.contains(&(k as usize));
                 let scatter = |k: u32| if at.len() > 1 { 1e5 * f64::from(k % 2) } else { 0.0 };
                 let (times, stamps) = repaired(drive(|k| if is_wrong(k) { wrong + scatter(k) } else { right(k) }));
-                if !(at.start == 0 && (wrong == 0.0 || wrong == -1.0)) && !(at.start == 99) {
+                // At the ends a stamp near the others may be right.
+                if at.start == 50 || (at.start == 0 && wrong.abs() > 2.0) || wrong.is_nan() && at.start < 99 {
                     assert_right(&times, 0.11);
                     assert!(stamps.remarks[0].starts_with(&format!("line {}:", at.start + 2)), "{:?}", stamps.remarks);
                 }
@@ -378,23 +337,5 @@ mod tests {
             assert_eq!(rows.len(), count);
             assert!(stamps.remarks[0].starts_with("line 62: another run begins here"), "{:?}", stamps.remarks);
         }
-    }
-
-    #[test]
-    fn whole_seconds_are_spread() {
-        let mut rows = drive(|k| (right(k) + 1e-9).floor());
-        assert!(spread_equal(&mut rows).unwrap().contains("spread evenly"));
-        let times = rows.iter().map(|row| row.t_s).take(90);
-        assert_right(&times.chain((90..100).map(right)).collect::<Vec<_>>(), 1e-9);
-        assert_eq!(spread_equal(&mut drive(right)), None);
-    }
-
-    #[test]
-    fn rows_that_are_late_are_sorted() {
-        let mut rows =
-            drive(|k| right(if k % 7 == 0 && k > 0 { k - 2 } else { k }) + if k >= 50 { -20.0 } else { 0.0 });
-        sort(&mut rows);
-        let back = rows.windows(2).filter(|pair| pair[1].t_s < pair[0].t_s).count();
-        assert_eq!(back, 1, "a step of the clock stays");
     }
 }

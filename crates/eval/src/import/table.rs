@@ -20,20 +20,19 @@ pub(super) struct Table {
     pub(super) ends_with_line_feed: bool,
 }
 
-/// The first column's name.
-const FIRST: &str = "t_s";
 /// The header is searched so far: boot messages are shorter.
 const MAX_GARBAGE_LINES: usize = 200;
 /// Characters around a field that are not part of it.
 const PADDING: [char; 3] = [' ', '\t', '\r'];
 
 impl Table {
-    /// Splits a text. `is_headless` if the header may be missing.
-    pub(super) fn read(text: &str, is_headless: bool) -> Self {
+    /// Splits a text. The header is the line with a column `first_column`; without one, `is_headless` says whether the header may be missing.
+    pub(super) fn read(text: &str, first_column: &str, is_headless: bool) -> Self {
         let end = if text.contains('\n') { '\n' } else { '\r' };
         let is_row = |line: &str| !line.trim().is_empty() && !line.starts_with('#');
         let lines = || (1..).zip(text.split(end)).filter(|(_, line): &(usize, &str)| is_row(line));
-        let is_header = |line: &str| split(line, delimiter(line)).iter().any(|name| name.eq_ignore_ascii_case(FIRST));
+        let is_header =
+            |line: &str| split(line, delimiter(line)).iter().any(|name| name.eq_ignore_ascii_case(first_column));
         let header = lines().take(MAX_GARBAGE_LINES).find(|(_, line)| is_header(line)).map(|(number, _)| number);
         let first = header.or_else(|| lines().next().map(|(number, _)| number)).unwrap_or(1);
         let garbage = lines().next().filter(|(number, _)| *number < first).map(|(_, line)| excerpt(line.trim()));
@@ -82,7 +81,7 @@ mod tests {
     use super::*;
 
     fn fields(text: &str) -> Vec<Vec<String>> {
-        let table = Table::read(text, false);
+        let table = Table::read(text, "t_s", false);
         table.header.into_iter().chain(table.records).map(|record| record.fields).collect()
     }
 
@@ -102,10 +101,10 @@ mod tests {
 
     #[test]
     fn lines_before_the_header_are_left_out_and_named() {
-        let table = Table::read("\u{fffd}@ets Jun  8\r\nboot\r\nt_s,r0\r\n0,1\r\n", false);
+        let table = Table::read("\u{fffd}@ets Jun  8\r\nboot\r\nt_s,r0\r\n0,1\r\n", "t_s", false);
         assert_eq!(table.garbage.as_deref(), Some("\u{fffd}@ets Jun  8"));
         assert_eq!((table.header.unwrap().line, table.records[0].line), (3, 4));
-        let table = Table::read("0,1\n1,2\n", true);
+        let table = Table::read("0,1\n1,2\n", "t_s", true);
         assert!(table.header.is_none() && table.garbage.is_none());
         assert_eq!(table.records.iter().map(|record| record.line).collect::<Vec<_>>(), [1, 2]);
     }

@@ -12,7 +12,7 @@ mod storage;
 use super::carmen::{Beams, seen};
 use super::drive::{Drive, Found};
 use super::rows::Row;
-use super::{ImportError, Options, WheelTicks, stamps};
+use super::{ImportError, Options, WheelTicks, sequence};
 use message::Message;
 use slamd_core::Config;
 use std::collections::{BTreeMap, BTreeSet};
@@ -92,7 +92,7 @@ pub fn read(path: &Path, config: &Config, options: &Options) -> Result<Drive, Im
         }
         rows.push(row);
     }
-    stamps::sort(&mut rows);
+    sequence::sort(&mut rows);
     Drive::new(merged(rows), found, &file, config, options)
 }
 
