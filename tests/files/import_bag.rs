@@ -22,7 +22,7 @@ fn drive() -> String {
         write!(csv, "\n{:.1},{left},{right}", 0.1 * f64::from(k)).unwrap();
         for sensor in 0..16 {
             let bearing = theta + std::f64::consts::TAU * f64::from(sensor) / 16.0;
-            let at = (x + 0.15 * bearing.cos(), y + 0.15 * bearing.sin());
+            let at = (x + 0.15 * libm::cos(bearing), y + 0.15 * libm::sin(bearing));
             match echo(at, bearing) {
                 Some(range_m) => write!(csv, ",{range_m:.3}").unwrap(),
                 None => csv.push_str(",inf"),
@@ -34,8 +34,8 @@ fn drive() -> String {
         let (left_m, right_m) = (f64::from(l) * metres_per_tick, f64::from(r) * metres_per_tick);
         let turn = (right_m - left_m) / 0.26;
         (x, y) = (
-            x + 0.5 * (left_m + right_m) * (theta + 0.5 * turn).cos(),
-            y + 0.5 * (left_m + right_m) * (theta + 0.5 * turn).sin(),
+            x + 0.5 * (left_m + right_m) * libm::cos(theta + 0.5 * turn),
+            y + 0.5 * (left_m + right_m) * libm::sin(theta + 0.5 * turn),
         );
         theta += turn;
     }
@@ -51,8 +51,8 @@ fn echo((x, y): (f64, f64), bearing: f64) -> Option<f64> {
         (-0.5 * std::f64::consts::PI, y + 2.4),
     ];
     let seen = walls.iter().filter_map(|(normal, distance_m)| {
-        let off = (bearing - normal).sin().atan2((bearing - normal).cos()).abs();
-        (off < 0.45).then(|| distance_m / (off - 0.218).max(0.0).cos())
+        let off = libm::atan2(libm::sin(bearing - normal), libm::cos(bearing - normal)).abs();
+        (off < 0.45).then(|| distance_m / libm::cos((off - 0.218).max(0.0)))
     });
     seen.filter(|range_m| *range_m < 2.9).min_by(f64::total_cmp)
 }

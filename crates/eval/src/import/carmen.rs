@@ -106,7 +106,7 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
     if log.rows.iter().all(|row| row.ticks.contains(&None)) {
         found.doubts.push("there is no ODOM line: the robot stands still".into());
     }
-    sequence::sort(&mut log.rows);
+    found.clamped = sequence::clamp(&mut log.rows);
     Drive::new(log.rows, found, file, config, options)
 }
 
@@ -237,9 +237,12 @@ impl Log {
 
     fn flaser(&mut self, line: SourceLine<'_>, fields: &[&str]) -> Result<(), ImportError> {
         let count: usize = line.value(fields, 1, COUNT)?;
+        if count == 0 || count > MAX_RANGES {
+            return Err(line.error(&count.to_string(), 1, COUNT));
+        }
+        let odometry = pose(line, fields, 2 + count + 3)?;
         let ranges_m = self.ranges(line, fields, 2, count)?;
         let readings = self.seen(&Beams::half_turn(count), &ranges_m, f64::INFINITY);
-        let odometry = pose(line, fields, 2 + count + 3)?;
         self.push(line, line.number(fields, 2 + count + 6, SECONDS)?, Some(odometry), readings);
         Ok(())
     }

@@ -38,6 +38,8 @@ pub(super) struct Found {
     pub(super) collects: bool,
     pub(super) skipped: u64,
     pub(super) left_out: u64,
+    /// Stamps that were put behind their predecessor.
+    pub(super) clamped: u64,
     pub(super) remarks: Vec<String>,
     pub(super) doubts: Vec<String>,
 }
@@ -56,7 +58,7 @@ impl Drive {
     ) -> Result<Self, ImportError> {
         let sensors = config.ring.ring().ok_or(ImportError::Config("ring.circle or ring.sensors"))?.len();
         let ticks_per_turn = config.robot.ticks_per_turn.ok_or(ImportError::Config("robot.ticks_per_turn"))?;
-        let Found { kind, is_whole, is_deltas, collects, skipped, left_out, mut remarks, mut doubts } = found;
+        let Found { kind, is_whole, is_deltas, collects, skipped, left_out, clamped, mut remarks, mut doubts } = found;
         let metres_per_tick = TAU * config.robot.wheel_radius_m / f64::from(ticks_per_turn);
         let wheel = Wheel { max_ticks_per_s: config.robot.max_speed_m_s / metres_per_tick, is_deltas };
         let sound_m_s = sound_m_s(config);
@@ -78,6 +80,7 @@ impl Drive {
         remarks.extend(clipped.map(|(_, sentence)| sentence));
         let summary = Summary {
             skipped,
+            clamped,
             left_out: left_out + filled.rows_left_out,
             // Of several sources, only some rows have counts.
             filled_ticks: if collects { filled.cells } else { 0 },

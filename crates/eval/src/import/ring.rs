@@ -31,6 +31,9 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
     let columns = options.columns.as_ref();
     let first = columns.map_or(T_S, Columns::first);
     let mut table = Table::read(&text.text, first, columns.is_some_and(Columns::is_in_order));
+    if table.header.is_none() && table.records.is_empty() {
+        return Err(ImportError::Empty { file: file.into(), expected: "a header line and rows" });
+    }
     let roles = roles(columns, table.header.as_ref(), file, sensors)?;
     let mut found = Found {
         kind: "the ring CSV",

@@ -16,6 +16,20 @@ pub(super) fn sort(rows: &mut [Row]) {
     }
 }
 
+/// Puts rows that are late by less than a second 1 ms behind their predecessor: a log's lines are in the order of acquisition. Returns
+/// how many.
+pub(super) fn clamp(rows: &mut [Row]) -> u64 {
+    let (mut clamped, mut last_s) = (0, f64::NEG_INFINITY);
+    for row in rows {
+        if (0.0..MAX_LATE_S).contains(&(last_s - row.t_s)) && row.t_s < last_s {
+            row.t_s = last_s + 1e-3;
+            clamped += 1;
+        }
+        last_s = row.t_s;
+    }
+    clamped
+}
+
 const MAX_LATE_S: f64 = 1.0;
 
 /// Stamps of a clock that counts whole seconds: rows of one stamp are spread to the next. Returns what was done.
