@@ -11,7 +11,8 @@ use slamd::source::replay::replay;
 use slamd::source::session::Session;
 use slamd_capture::CaptureReader;
 use slamd_core::{Config, Driver, Event, Method, Pose2, Update, wrap_angle};
-use slamd_eval::import::{carmen, ring};
+use slamd_eval::import::{Options, carmen, ring};
+use slamd_files::OutputGuard;
 use slamd_metrics::{Relation, RelationError, relation_error};
 use std::fmt::Write as _;
 use std::io::Read;
@@ -95,7 +96,8 @@ fn building(name: &str, log: &str, relations: &str, reference: &str, page: &mut 
         }
         let folder = tempfile::tempdir()?;
         let capture = folder.path().join("log.mcap");
-        let summary = carmen::import(log.as_bytes(), name, &config, &capture)?;
+        let output = OutputGuard::new(true).output(&capture)?;
+        let summary = carmen::read(log.as_bytes(), name, &config, &Options::default())?.write(output)?;
         eprintln!("{name}: {summary}");
         let cone = if half_angle_deg > 0.0 { "cones of ±7.5 degrees" } else { "single beams" };
         for method in [Method::Walls, Method::Paper] {
@@ -173,7 +175,8 @@ fn closing(data: &Path, page: &mut String) -> Result<(), Failure> {
     let config = Config::from_toml(include_str!("../configs/mines21.toml"))?;
     let folder = tempfile::tempdir()?;
     let capture = folder.path().join("mines.mcap");
-    ring::import(csv.as_slice(), "mines.csv", &config, &capture)?;
+    let output = OutputGuard::new(true).output(&capture)?;
+    ring::read(csv.as_slice(), "mines.csv", &config, &Options::default())?.write(output)?;
     let mut row = |what: String, poses: &[(f64, Pose2)]| -> Result<(), Failure> {
         let ([.., (_, end)], [(_, start), ..]) = (poses, poses) else { return Err("no poses".into()) };
         let moved = start.inverse() * *end;
@@ -199,7 +202,8 @@ fn corridor(data: &Path, docs: &Path, page: &mut String) -> Result<(), Failure> 
     let config = Config::from_toml(include_str!("../configs/corridor8.toml"))?;
     let folder = tempfile::tempdir()?;
     let capture = folder.path().join("corridor.mcap");
-    ring::import(csv.as_slice(), "corridor.csv", &config, &capture)?;
+    let output = OutputGuard::new(true).output(&capture)?;
+    ring::read(csv.as_slice(), "corridor.csv", &config, &Options::default())?.write(output)?;
     let run = Run::of(&capture, &config, Method::Walls)?;
     let apart_m = run.poses.iter().zip(&run.odometry).map(|((_, pose), (_, odometry))| {
         let first = run.poses[0].1 * run.odometry[0].1.inverse();

@@ -3,6 +3,7 @@
 use crate::port::{self, PortError, PortName};
 use crate::recorder::{Chunk, Recorder};
 use crate::session_file::Saver;
+use crate::source::checkpoints::Checkpoints;
 use crate::source::live::LiveSession;
 use crate::source::session::Session;
 use bytes::Bytes;
@@ -65,12 +66,14 @@ fn since_boot() -> Duration {
 /// Called between any two steps with the link and, once there is one, the session. It must not block.
 pub type Observer<'a> = dyn FnMut(&Link, Option<&Session>) + 'a;
 
-/// What ends a session: Ctrl-C, SIGTERM, the end of its duration, or a notification.
+/// What ends a session: Ctrl-C, SIGTERM, SIGHUP (a closed terminal), the end of its duration, or a notification.
 #[derive(Debug)]
 pub struct Shutdown {
     asked: Arc<Notify>,
     interrupt: Signal,
     terminate: Signal,
+    /// None under `nohup`.
+    hangup: Option<Signal>,
     end: Option<tokio::time::Instant>,
 }
 
@@ -84,6 +87,7 @@ impl Shutdown {
             asked: Arc::default(),
             interrupt: signal(SignalKind::interrupt()).map_err(DaemonError)?,
             terminate: signal(SignalKind::terminate()).map_err(DaemonError)?,
+            hangup: (!ignores_hangup()).then(|| signal(SignalKind::hangup())).transpose().map_err(DaemonError)?,
             end: duration.map(|duration| tokio::time::Instant::now() + duration),
         })
     }
@@ -97,6 +101,13 @@ impl Shutdown {
     /// Returns when the session must end.
     pub async fn requested(&mut self) {
         let end = self.end;
+        let hangup = &mut self.hangup;
+        let hung_up = async {
+            match hangup {
+                Some(hangup) => hangup.recv().await,
+                None => std::future::pending().await,
+            }
+        };
         let is_over = async {
             match end {
                 Some(end) => tokio::time::sleep_until(end).await,
@@ -106,10 +117,18 @@ impl Shutdown {
         tokio::select! {
             _ = self.interrupt.recv() => {}
             _ = self.terminate.recv() => {}
+            _ = hung_up => {}
             () = self.asked.notified() => {}
             () = is_over => {}
         }
     }
+}
+
+/// True if the program was started with SIGHUP ignored, as `nohup` does: then it shall survive its terminal.
+fn ignores_hangup() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).is_some_and(|mask| mask & 1 != 0)
 }
 
 /// Search period for a missing port: short, so that a replugged board is used at once.
@@ -223,6 +242,8 @@ pub struct Live<'a> {
     pub recorder: &'a mut Option<Recorder>,
     /// Saves the state for the next session.
     pub saver: &'a mut Option<Saver>,
+    /// Writes the map meanwhile.
+    pub checkpoints: &'a mut Checkpoints,
 }
 
 /// Runs until the end is requested, or until a hang-up if `options.exit_on_hangup` is set.
@@ -234,7 +255,7 @@ pub async fn run(
     live: Live<'_>,
     observe: &mut Observer<'_>,
 ) {
-    let Live { clock, session, recorder, saver } = live;
+    let Live { clock, session, recorder, saver, checkpoints } = live;
     let now = || clock.now();
     let mut live = LiveSession::begin(port.name.clone(), now(), link, session);
     let mut statistics = Timestamp::default() + STATISTICS_PERIOD;
@@ -272,6 +293,7 @@ pub async fn run(
             let (_, session) = live.parts();
             saver.tick(session.now(), || session.saved_state());
         }
+        checkpoints.tick(live.parts().1);
         if recorder.as_mut().is_some_and(Recorder::take_new_part) {
             live.introduce();
         }

@@ -1,5 +1,6 @@
 //! `slamd bench`
 
+use super::outputs::ForceArg;
 use super::{Failure, Kind, MethodArg, terminal};
 use clap::{Args, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -7,6 +8,7 @@ use slamd_core::Method;
 use slamd_eval::bench::case::{Case, Choice, Table};
 use slamd_eval::bench::fleet::drive_all;
 use slamd_eval::bench::{paper, report, table};
+use slamd_files::{Output, OutputGuard, Refusal};
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
@@ -31,6 +33,8 @@ struct PaperArgs {
     /// Seeds of the table's simulations; the figures always use seed 101.
     #[arg(long, value_name = "FIRST-LAST", default_value = "101-110", value_parser = seeds)]
     seeds: Seeds,
+    #[command(flatten)]
+    force: ForceArg,
 }
 
 #[derive(Debug, Args)]
@@ -51,9 +55,11 @@ struct AccuracyArgs {
     /// How heading, position and map are found.
     #[arg(long, value_enum, default_value = "walls")]
     method: MethodArg,
-    /// Also write the tables to this Markdown file. Text after its line "<!-- by hand -->" is kept.
+    /// Also write the tables to this Markdown file. A page that this command wrote before is replaced; text after its line "<!-- by hand -->" is kept.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    force: ForceArg,
     /// Print a line about each drive on standard error.
     #[arg(long, short)]
     verbose: bool,
@@ -106,6 +112,8 @@ impl AccuracyArgs {
             (case.seconds, case.method) = (self.seconds.max(MIN_SECONDS), method);
         }
         let seeds: Vec<u64> = self.seeds.0.clone().collect();
+        let mut guard = self.force.guard();
+        let output = self.out.as_deref().map(|path| output(&mut guard, path)).transpose()?;
         let bar = bar(cases.len() * seeds.len());
         let runs = drive_all(&cases, &seeds, |case, run| {
             if self.verbose {
@@ -115,9 +123,9 @@ impl AccuracyArgs {
         });
         bar.finish_and_clear();
         let runs = runs.map_err(|error| Failure::new(Kind::NoInput, error))?;
-        if let Some(path) = &self.out {
-            let before = std::fs::read_to_string(path).unwrap_or_default();
-            write(path, report::document(&command(), &cases, &runs, &before).as_bytes())?;
+        if let Some(output) = output {
+            let before = std::fs::read_to_string(output.path()).unwrap_or_default();
+            write(output, report::document(&command(), &cases, &runs, &before).as_bytes())?;
         }
         terminal::say(report::tables(&cases, &runs));
         Ok(())
@@ -129,22 +137,41 @@ impl PaperArgs {
         let seeds: Vec<u64> = self.seeds.0.clone().collect();
         let bar = bar(paper::cases().len() * seeds.len());
         let folder = self.out.file_name().unwrap_or_default().to_string_lossy();
+        let mut guard = self.force.guard();
+        let markdown = output(&mut guard, &self.out.with_extension("md"))?;
         let page =
             paper::page(&seeds, &folder, &command(), || bar.inc(1)).map_err(|error| failure(&self.out, &error))?;
         bar.finish_and_clear();
-        write(&self.out.with_extension("md"), page.markdown.as_bytes())?;
-        for (name, png) in &page.pictures {
-            write(&self.out.join(name), png)?;
+        // The pictures belong to the page: where that may be replaced, they may.
+        let is_own = markdown.path().exists();
+        std::fs::create_dir_all(&self.out).map_err(|error| failure(&self.out, &error))?;
+        let outputs: Result<Vec<Output>, Refusal> =
+            page.pictures.iter().map(|(name, _)| guard.output_replacing(&self.out.join(name), |_| is_own)).collect();
+        for (output, (_, png)) in outputs?.into_iter().zip(&page.pictures) {
+            write(output, png)?;
         }
+        write(markdown, page.markdown.as_bytes())?;
         terminal::say(self.out.with_extension("md").display());
         Ok(())
     }
 }
 
-/// Writes a file and creates missing folders above it.
-fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    let folder = path.parent().unwrap_or_else(|| Path::new("."));
-    std::fs::create_dir_all(folder).and_then(|()| std::fs::write(path, bytes)).map_err(|error| failure(path, &error))
+/// A page, with missing folders above it. One that `slamd bench` wrote is replaced.
+fn output(guard: &mut OutputGuard, path: &Path) -> Result<Output, Failure> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or_else(|| Path::new("."));
+    std::fs::create_dir_all(folder).map_err(|error| failure(path, &error))?;
+    let is_own = |path: &Path| {
+        let text = std::fs::read_to_string(path).unwrap_or_default();
+        text.lines().take(HEAD_LINES).any(|line| line.starts_with("Written by `slamd bench "))
+    };
+    Ok(guard.output_replacing(path, is_own)?)
+}
+
+/// The command stands in the first lines of each page.
+const HEAD_LINES: usize = 10;
+
+fn write(output: Output, bytes: &[u8]) -> Result<(), Failure> {
+    output.write(bytes).map_err(|error| Failure::new(Kind::CantCreate, error.to_string()))
 }
 
 fn failure(path: &Path, error: &std::io::Error) -> Failure {

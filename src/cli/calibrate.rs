@@ -1,5 +1,6 @@
 //! `slamd calibrate CAPTURE`
 
+use super::outputs::ForceArg;
 use super::state_args::write_robot;
 use super::{Failure, Kind, terminal};
 use crate::calibrate::drive::{Drive, Mapper};
@@ -20,11 +21,15 @@ pub(super) struct CalibrateArgs {
     /// Start from this configuration instead of the capture's.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
+    #[command(flatten)]
+    force: ForceArg,
 }
 
 impl CalibrateArgs {
     pub(super) fn run(self) -> Result<(), Failure> {
         let name = self.capture.display();
+        let mut guard = self.force.guard().reads(&self.capture).reads_all(self.config.as_deref());
+        self.out.iter().try_for_each(|path| guard.check(path))?;
         let info = CaptureReader::open(&self.capture)?.info().clone();
         let config = super::config::of_recording(self.config.as_deref(), &info, &self.capture)?;
         let config = Config { method: Method::Walls, ..config };
@@ -43,7 +48,7 @@ impl CalibrateArgs {
         let report = report.map_err(|failure| Failure::new(failure.kind, format!("{name}: {failure}")))?;
         print(&report);
         if let Some(path) = &self.out {
-            write_robot(path, &report.config, "slamd calibrate")?;
+            write_robot(guard.output(path)?, &report.config, "slamd calibrate")?;
             terminal::say(format_args!("robot: {}", path.display()));
         }
         Ok(())

@@ -1,5 +1,6 @@
 //! `slamd export FILE`
 
+use super::outputs::ForceArg;
 use super::replay::open;
 use super::state_args::StateArgs;
 use super::{Failure, HowArgs, Kind, terminal};
@@ -8,9 +9,10 @@ use crate::source::session::Session;
 use clap::{ArgGroup, Args};
 use slamd_core::{Event, Update};
 use slamd_export::{Bag, BagError};
-use slamd_publish::{PoseTable, Trajectory};
+use slamd_files::Output;
+use slamd_publish::{Outputs, PoseTable, Trajectory};
 use std::cell::RefCell;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::rc::Rc;
 
 const EXAMPLES: &str = "Examples:
@@ -36,6 +38,8 @@ pub(super) struct ExportArgs {
     tum: Option<PathBuf>,
     #[command(flatten)]
     how: HowArgs,
+    #[command(flatten)]
+    force: ForceArg,
 }
 
 /// The files being written.
@@ -47,7 +51,9 @@ struct Exports {
 
 impl ExportArgs {
     pub(super) fn run(self) -> Result<(), Failure> {
-        self.check()?;
+        let mut guard = self.force.guard().reads(&self.file).reads_all(self.how.named());
+        let mut output = |path: &Option<PathBuf>| path.as_deref().map(|path| guard.output(path)).transpose();
+        let outputs = [output(&self.mcap)?, output(&self.csv)?, output(&self.tum)?];
         // The session's own output files are not wanted here.
         let folder = tempfile::tempdir().map_err(|error| {
             Failure::new(
@@ -55,8 +61,9 @@ impl ExportArgs {
                 format!("a temporary folder: {error}; name one that can be written in TMPDIR"),
             )
         })?;
-        let (mut capture, mut session) = open(&self.file, &StateArgs::default(), &self.how, folder.path())?;
-        let mut exports = self.begin(&session, capture.info().unix_zero_us)?;
+        let (mut capture, mut session) =
+            open(&self.file, &StateArgs::default(), &self.how, Outputs::create(folder.path())?)?;
+        let mut exports = begin(outputs, &session, capture.info().unix_zero_us)?;
         session.keep_sweeps();
         let events = collect_events(&mut session);
         let bar = terminal::progress(None);
@@ -75,49 +82,35 @@ impl ExportArgs {
         self.finish(exports, &session)
     }
 
-    fn files(&self) -> impl Iterator<Item = &Path> {
-        [&self.mcap, &self.csv, &self.tum].into_iter().filter_map(Option::as_deref)
-    }
-
-    /// Checks that the exports overwrite neither the capture nor each other.
-    fn check(&self) -> Result<(), Failure> {
-        let same =
-            |a: &Path, b: &Path| a == b || a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b));
-        for (count, file) in self.files().enumerate() {
-            if file.is_dir() {
-                return Err(Failure::new(Kind::Usage, format!("{} is a folder; name a file", file.display())));
-            }
-            if same(file, &self.file) || self.files().take(count).any(|other| same(file, other)) {
-                let text = format!("{} would be written over; name another file", file.display());
-                return Err(Failure::new(Kind::Usage, text));
-            }
-        }
-        Ok(())
-    }
-
-    fn begin(&self, session: &Session, unix_zero_us: Option<u64>) -> Result<Exports, Failure> {
-        Ok(Exports {
-            bag: self.mcap.as_deref().map(|path| Bag::create(path, session.config(), unix_zero_us)).transpose()?,
-            table: self.csv.as_deref().map(PoseTable::create).transpose().map_err(cannot_write)?,
-            trajectory: self.tum.as_deref().map(Trajectory::create).transpose().map_err(cannot_write)?,
-        })
-    }
-
+    /// Completes all files, then gives them their names.
     fn finish(&self, exports: Exports, session: &Session) -> Result<(), Failure> {
-        if let Some((path, bag)) = self.mcap.as_deref().zip(exports.bag) {
-            let (messages, topics) = bag.finish(session.now(), session.pipeline())?;
+        let Exports { bag, table, trajectory } = exports;
+        let bag = bag.map(|bag| bag.complete(session.now(), session.pipeline())).transpose()?;
+        let table = table.map(PoseTable::complete).transpose().map_err(cannot_write)?;
+        let trajectory = trajectory.map(Trajectory::complete).transpose().map_err(cannot_write)?;
+        if let Some((path, (file, messages, topics))) = self.mcap.as_deref().zip(bag) {
+            file.name().map_err(cannot_write)?;
             terminal::say(format_args!("ROS 2 bag: {}, {messages} messages on {topics} topics", path.display()));
         }
-        if let Some((path, table)) = self.csv.as_deref().zip(exports.table) {
-            table.finish().map_err(cannot_write)?;
-            terminal::say(format_args!("poses: {}", path.display()));
-        }
-        if let Some((path, trajectory)) = self.tum.as_deref().zip(exports.trajectory) {
-            trajectory.finish().map_err(cannot_write)?;
+        for (path, file) in self.csv.iter().zip(table).chain(self.tum.iter().zip(trajectory)) {
+            file.name().map_err(cannot_write)?;
             terminal::say(format_args!("poses: {}", path.display()));
         }
         Ok(())
     }
+}
+
+/// Begins the files: the bag, the table, the trajectory.
+fn begin(
+    [bag, table, trajectory]: [Option<Output>; 3],
+    session: &Session,
+    unix_zero_us: Option<u64>,
+) -> Result<Exports, Failure> {
+    Ok(Exports {
+        bag: bag.map(|output| Bag::create(output, session.config(), unix_zero_us)).transpose()?,
+        table: table.map(PoseTable::begin).transpose().map_err(cannot_write)?,
+        trajectory: trajectory.map(Trajectory::begin).transpose().map_err(cannot_write)?,
+    })
 }
 
 impl Exports {

@@ -61,6 +61,9 @@ impl From<CaptureError> for Failure {
                 Self::new(Kind::NoInput, format!("{error}; name an existing capture"))
             }
             CaptureError::Io { .. } => Self::new(Kind::Io, error.to_string()),
+            CaptureError::Empty(_) | CaptureError::Foreign { .. } | CaptureError::Undescribed(_) => {
+                Self::new(Kind::Data, error.to_string())
+            }
             _ => Self::new(Kind::Data, format!("{error}; slamd cannot read this capture")),
         }
     }

@@ -1,15 +1,28 @@
 //! `slamd import`: turns a recording into a capture.
 
+use super::outputs::{ForceArg, can_be_made_again};
 use super::{Failure, Kind, config};
 use clap::{Args, Subcommand};
 use slamd_capture::CaptureError;
-use slamd_eval::import::{ImportError, carmen, ring};
+use slamd_eval::import::{
+    Columns, Counting, Drive, ImportError, Options, RangeUnit, Scan, TimeUnit, bag, carmen, ring,
+};
 use std::fs::File;
-use std::io::{self, BufRead, BufReader};
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
+
+const EXAMPLES: &str = "Examples:
+  slamd import ring drive.csv --config robot.toml --capture drive.mcap
+  slamd import ring drive.csv --config robot.toml --capture drive.mcap --time-unit ms --range-unit cm --no-echo 0
+  slamd import ring log.csv --config robot.toml --capture drive.mcap --columns t_s=millis,left_ticks=encL,right_ticks=encR --time-unit ms
+  slamd import bag rosbag2_2026_05_01/ --config robot.toml --capture drive.mcap
+  slamd import carmen fr079.log.gz --config robot.toml --capture fr079.mcap
+
+Files may be gzipped or in UTF-16, with commas, semicolons or tabs, decimal points or commas. docs/cli.md has all that is read.";
 
 /// Turn a recording into a capture that `replay` runs.
 #[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
 pub(super) struct ImportArgs {
     #[command(subcommand)]
     format: Format,
@@ -18,9 +31,11 @@ pub(super) struct ImportArgs {
 #[derive(Debug, Subcommand)]
 enum Format {
     /// A CSV with one row per sweep: t_s,left_ticks,right_ticks,r0,r1,... (metres; `inf`: no echo; empty: no measurement)
-    Ring(Recording),
-    /// A CARMEN text log: ODOM, FLASER and SONAR lines
-    Carmen(Recording),
+    Ring(RingArgs),
+    /// A CARMEN text log: ODOM, SONAR, ROBOTLASER1 and FLASER lines
+    Carmen(CarmenArgs),
+    /// A ROS 2 bag (MCAP or SQLite, a file or its folder): Range or LaserScan, with JointState or Odometry
+    Bag(Recording),
 }
 
 #[derive(Debug, Args)]
@@ -33,6 +48,49 @@ struct Recording {
     /// The capture to write
     #[arg(long, value_name = "FILE")]
     capture: PathBuf,
+    #[command(flatten)]
+    force: ForceArg,
+    /// A reading that means "no echo", as it stands in the recording; may be repeated
+    #[arg(long, value_name = "VALUE", allow_negative_numbers = true)]
+    no_echo: Vec<f64>,
+    /// The run to import where a file has several, from 1
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    run: Option<u16>,
+}
+
+#[derive(Debug, Args)]
+struct RingArgs {
+    #[command(flatten)]
+    recording: Recording,
+    /// What the columns hold: `t_s,-,left_ticks,right_ticks,r0-r15` in order, or `t_s=time,r0=front` by the header's names
+    #[arg(long, value_name = "LIST")]
+    columns: Option<Columns>,
+    /// The unit of the ranges: m, cm, mm, dm, in, ft, or us for microseconds of flight, there and back
+    #[arg(long, value_name = "UNIT")]
+    range_unit: Option<RangeUnit>,
+    /// The unit of the stamps: s, ms, us or ns
+    #[arg(long, value_name = "UNIT")]
+    time_unit: Option<TimeUnit>,
+    /// Whether the encoders' cells are counts since the start or ticks since the row before [default: as found]
+    #[arg(long, value_name = "counts|deltas", value_parser = counting)]
+    ticks: Option<Counting>,
+}
+
+#[derive(Debug, Args)]
+struct CarmenArgs {
+    #[command(flatten)]
+    recording: Recording,
+    /// The lines to use where a log has several kinds of ranges: sonar, robotlaser1 or flaser [default: the first]
+    #[arg(long, value_name = "KIND")]
+    scan: Option<Scan>,
+}
+
+fn counting(text: &str) -> Result<Counting, String> {
+    match text {
+        "counts" => Ok(Counting::Counts),
+        "deltas" => Ok(Counting::Deltas),
+        _ => Err("it must be counts or deltas".into()),
+    }
 }
 
 impl ImportArgs {
@@ -41,21 +99,55 @@ impl ImportArgs {
     /// # Errors
     /// When the recording or the configuration cannot be used or the capture cannot be written.
     pub(super) fn run(self) -> Result<(), Failure> {
-        let (Format::Ring(files) | Format::Carmen(files)) = &self.format;
+        let (files, mut options) = match &self.format {
+            Format::Ring(args) => {
+                let options = Options {
+                    columns: args.columns.clone(),
+                    range_unit: args.range_unit,
+                    time_unit: args.time_unit,
+                    counting: args.ticks,
+                    ..Options::default()
+                };
+                (&args.recording, options)
+            }
+            Format::Carmen(args) => (&args.recording, Options { scan: args.scan, ..Options::default() }),
+            Format::Bag(recording) => (recording, Options::default()),
+        };
+        options.no_echo.clone_from(&files.no_echo);
+        options.run = files.run.map(usize::from);
+        let is_standard_input = files.recording == Path::new("-");
+        let input_path = if is_standard_input { Path::new("/dev/stdin") } else { &files.recording };
+        let mut guard = files.force.guard().reads(&files.config).reads(input_path);
+        guard.check(&files.capture)?;
         let config = config::read(&files.config)?;
         let name = files.recording.display().to_string();
-        let input = open(&files.recording).map_err(|source| ImportError::Io { file: name.clone(), source })?;
-        let summary = match &self.format {
-            Format::Ring(_) => ring::import(input, &name, &config, &files.capture),
-            Format::Carmen(_) => carmen::import(input, &name, &config, &files.capture),
+        let input = || -> Result<Box<dyn Read>, ImportError> {
+            if is_standard_input {
+                return Ok(Box::new(io::stdin().lock()));
+            }
+            let file = File::open(input_path).map_err(|source| ImportError::Io { file: name.clone(), source })?;
+            Ok(Box::new(file))
+        };
+        let drive = match &self.format {
+            Format::Ring(_) => ring::read(input()?, &name, &config, &options),
+            Format::Carmen(_) => carmen::read(input()?, &name, &config, &options),
+            Format::Bag(_) => bag::read(input_path, &config, &options),
         }?;
-        summary.doubts.iter().for_each(|doubt| tracing::warn!("{name}: {doubt}"));
-        for remark in &summary.remarks {
-            eprintln!("{name}: {remark}");
-        }
+        drive.doubts().iter().for_each(|doubt| tracing::warn!("{name}: {doubt}"));
+        let say = |remark: &String| eprintln!("{name}: {}", super::terminal::plain(remark));
+        drive.remarks().iter().for_each(say);
+        let said = drive.remarks().len();
+        let output = guard.output_replacing(&files.capture, |path| may_replace(&drive, path))?;
+        let summary = drive.write(output)?;
+        summary.remarks.iter().skip(said).for_each(say);
         eprintln!("{}: {summary}", files.capture.display());
         Ok(())
     }
+}
+
+/// True if a whole recording takes the place of a capture that can be made again.
+fn may_replace(drive: &Drive, path: &Path) -> bool {
+    drive.is_whole() && can_be_made_again(path)
 }
 
 impl From<ImportError> for Failure {
@@ -63,18 +155,14 @@ impl From<ImportError> for Failure {
         let kind = match &error {
             ImportError::Io { source, .. } if source.kind() == io::ErrorKind::NotFound => Kind::NoInput,
             ImportError::Io { .. } => Kind::Io,
-            ImportError::Line { .. } | ImportError::Empty { .. } | ImportError::Unit { .. } => Kind::Data,
+            ImportError::Line { .. }
+            | ImportError::Empty { .. }
+            | ImportError::Problem { .. }
+            | ImportError::Foreign { .. } => Kind::Data,
             ImportError::Config(_) => Kind::Config,
             ImportError::Capture(CaptureError::Io { .. }) => Kind::CantCreate,
             ImportError::Capture(_) => Kind::Data,
         };
         Self::new(kind, error.to_string())
     }
-}
-
-fn open(path: &Path) -> io::Result<Box<dyn BufRead>> {
-    if path == Path::new("-") {
-        return Ok(Box::new(io::stdin().lock()));
-    }
-    Ok(Box::new(BufReader::new(File::open(path)?)))
 }

@@ -15,6 +15,7 @@ mod manual;
 mod monitor;
 #[cfg(feature = "mqtt")]
 mod mqtt;
+mod outputs;
 mod ports;
 mod record;
 mod replay;
@@ -29,8 +30,9 @@ mod viewer;
 use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use config::{HowArgs, MethodArg};
 pub use failure::{Failure, Kind};
+use slamd_files::OutputGuard;
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "Examples:
@@ -82,14 +84,34 @@ enum Command {
 /// Options of the output and the estimator, for a robot and for a replay.
 #[derive(Debug, Args)]
 pub(crate) struct OutputArgs {
-    /// Folder for map, picture, trajectory, faults and summary.
-    #[arg(long, value_name = "DIR", default_value = "slamd-out")]
-    out: PathBuf,
+    /// Folder for map, picture, trajectory, faults and summary [default: slamd-out].
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    force: outputs::ForceArg,
     #[command(flatten)]
     how: HowArgs,
     /// Print the summary as JSON instead of text.
     #[arg(long)]
     json: bool,
+}
+
+impl OutputArgs {
+    /// The folder for the results.
+    fn out(&self) -> &Path {
+        self.out.as_deref().unwrap_or_else(|| Path::new("slamd-out"))
+    }
+
+    /// A guard that knows the configuration files of a robot.
+    fn guard_of_robot(&self) -> Result<OutputGuard, Failure> {
+        let files = self.how.files_of_robot()?;
+        Ok(self.force.guard().creates(self.out()).reads_all(files.iter().map(PathBuf::as_path)))
+    }
+
+    /// A guard that knows a recording and its configuration file.
+    fn guard_of_recording(&self, recording: &Path) -> OutputGuard {
+        self.force.guard().creates(self.out()).reads(recording).reads_all(self.how.named())
+    }
 }
 
 /// Runs the program with the process's arguments.

@@ -7,8 +7,9 @@ use crate::source::replay::replay;
 use crate::source::session::Session;
 use clap::Args;
 use slamd_capture::CaptureReader;
+use slamd_files::OutputGuard;
 use slamd_metrics::TrueFault;
-use slamd_publish::Summary;
+use slamd_publish::{Outputs, Source, Summary};
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
@@ -32,11 +33,13 @@ impl ReplayArgs {
         if self.file.is_dir() {
             return self.run_folder();
         }
-        let (mut capture, mut session) = open(&self.file, &self.state, &self.output.how, &self.output.out)?;
+        let saves = self.state.outputs(self.output.guard_of_recording(&self.file))?;
+        let outputs = outputs(&self.file, self.output.out(), &saves.guard)?;
+        let (mut capture, mut session) = open(&self.file, &self.state, &self.output.how, outputs)?;
         #[cfg(feature = "viewer")]
         let watched = {
             let name = self.file.file_stem().unwrap_or_default().to_string_lossy();
-            let watched = self.viewer.begin(&name, capture.info().unix_zero_us)?;
+            let watched = self.viewer.begin(&name, capture.info().unix_zero_us, &saves.guard)?;
             watched.watch(&mut session);
             watched
         };
@@ -47,9 +50,10 @@ impl ReplayArgs {
             tracing::warn!("{}: {damage}; what was readable has been used", self.file.display());
             session.doubt(format!("the capture is damaged: {damage}"));
         }
-        let saved = self.state.save(self.state.saver(), &session);
+        let saver = saves.saver();
+        let saved = saves.save(saver, &session);
         let (summary, faulty) = session.finish()?;
-        let ending = terminal::report(&summary, &faulty, &self.output.out, self.output.json);
+        let ending = terminal::report(&summary, &faulty, Some(self.output.out()), self.output.json);
         #[cfg(feature = "viewer")]
         watched.finish()?;
         saved?;
@@ -78,16 +82,24 @@ pub(super) fn of_capture(file: &Path, summary: &Summary, failure: Failure) -> Fa
     Failure::new(kind, format!("{}: {failure}", file.display()))
 }
 
-/// Opens a capture, and a session for it that writes into `folder`.
+/// The outputs of a replay, in `folder`.
+pub(super) fn outputs(file: &Path, folder: &Path, guard: &OutputGuard) -> Result<Outputs, Failure> {
+    let began_unix_us = CaptureReader::open(file)?.info().unix_zero_us;
+    let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let source = Source { capture: Some(name), began_unix_us, is_resumed: false };
+    Ok(Outputs::begin(folder, source, guard)?)
+}
+
+/// Opens a capture, and a session for it.
 pub(super) fn open(
     file: &Path,
     state: &StateArgs,
     how: &HowArgs,
-    folder: &Path,
+    outputs: Outputs,
 ) -> Result<(CaptureReader, Session), Failure> {
     let capture = CaptureReader::open(file)?;
     let info = capture.info().clone();
-    let mut session = state.begin(how.of_recording(&info, file)?, folder)?;
+    let mut session = state.begin(how.of_recording(&info, file)?, outputs)?;
     if let Some(texts) = &info.faults {
         let faults: Result<Vec<TrueFault>, _> = texts.iter().map(|text| text.parse()).collect();
         let faults = faults.map_err(|error| Failure::new(Kind::Data, format!("{}: {error}", file.display())))?;

@@ -1,6 +1,6 @@
 //! `slamd replay DIR`: replays all captures of a folder on all cores, each into its own folder.
 
-use super::replay::{of_capture, open};
+use super::replay::{of_capture, open, outputs};
 use super::terminal::{progress_over, say};
 use super::{Failure, Kind, OutputArgs};
 use crate::source::replay::replay;
@@ -38,10 +38,15 @@ pub(super) fn replay_folder(folder: &Path, jobs: Option<usize>, output: &OutputA
     } else {
         say(HEAD);
         named().for_each(|(name, outcome)| say(line(&name, outcome)));
-        say(format_args!("\noutput folders: {}", output.out.join("NAME").display()));
+        say(format_args!("\noutput folders: {}", output.out().join("NAME").display()));
     }
     for (name, damage) in named().filter_map(|(name, outcome)| Some((name, outcome.as_ref().ok()?.damage.as_ref()?))) {
         tracing::warn!("{name}: {damage}; what was readable has been used");
+    }
+    for (name, remark) in
+        named().filter_map(|(name, outcome)| Some((name, outcome.as_ref().ok()?.summary.remark.as_ref()?)))
+    {
+        tracing::warn!("{name}: {remark}");
     }
     let count = outcomes.len();
     let failures: Vec<Failure> =
@@ -113,8 +118,8 @@ fn run_all(captures: &[PathBuf], jobs: usize, output: &OutputArgs) -> Vec<Outcom
 #[expect(clippy::disallowed_methods, reason = "the speed of a replay is reported, and changes nothing")]
 fn run(file: &Path, output: &OutputArgs) -> Outcome {
     let begin = Instant::now();
-    let (mut capture, mut session) =
-        open(file, &super::state_args::StateArgs::default(), &output.how, &output.out.join(name(file)))?;
+    let outputs = outputs(file, &output.out().join(name(file)), &output.guard_of_recording(file))?;
+    let (mut capture, mut session) = open(file, &super::state_args::StateArgs::default(), &output.how, outputs)?;
     replay(&mut capture, &mut session, |_| ())?;
     let duration_s = session.now().seconds();
     let (summary, faulty) = session.finish()?;

@@ -8,11 +8,12 @@ use crate::port::PortName;
 use crate::priority;
 use crate::recorder::{Losses, Recorder};
 use crate::service::Service;
+use crate::source::checkpoints::Checkpoints;
 use crate::source::session::Session;
 use clap::Args;
 use slamd_capture::CaptureInfo;
 use slamd_core::{Config, FaultEvent, Timestamp, link::Link};
-use slamd_publish::Summary;
+use slamd_publish::{Outputs, Source, Summary};
 use std::time::Duration;
 use tokio::runtime::Runtime;
 
@@ -61,6 +62,10 @@ pub(super) struct LiveArgs {
     #[cfg(feature = "viewer")]
     #[command(flatten)]
     viewer: super::viewer::LiveViewerArgs,
+    /// Only `off`: this build has no viewer.
+    #[cfg(not(feature = "viewer"))]
+    #[arg(long, value_name = "WHERE", hide = true, value_parser = ["off"])]
+    viewer: Option<String>,
 }
 
 impl RunArgs {
@@ -96,7 +101,7 @@ impl End {
     /// # Errors
     /// When the state was not saved, or nothing was mapped.
     pub(super) fn report(self, output: &OutputArgs) -> Result<(), Failure> {
-        let ending = terminal::report(&self.summary, &self.faulty, &output.out, output.json);
+        let ending = terminal::report(&self.summary, &self.faulty, Some(output.out()), output.json);
         if self.lacking.chunks > 0 {
             tracing::error!("{} chunks are missing from the recording", self.lacking.chunks);
         }
@@ -112,6 +117,8 @@ impl LiveArgs {
     pub(super) fn off_by_default(&mut self) {
         #[cfg(feature = "viewer")]
         self.viewer.off_by_default();
+        #[cfg(not(feature = "viewer"))]
+        self.viewer.take();
     }
 
     /// Runs a live session to its end; none if it ended before the port was found.
@@ -123,6 +130,7 @@ impl LiveArgs {
         (runtime, shutdown): (&Runtime, &mut Shutdown),
         observe: &mut Observer<'_>,
     ) -> Result<Option<End>, Failure> {
+        let saves = self.state.outputs(output.guard_of_robot()?)?;
         let options = Options { port, baud: self.baud, exit_on_hangup: self.exit_on_hangup };
         let server = self.api.begin()?;
         let mut taps: Vec<Tap> = server.iter().map(|server| server.tap(&config.robot.name)).collect();
@@ -144,13 +152,15 @@ impl LiveArgs {
             service.iter().for_each(Service::stopping);
             return Ok(None);
         };
-        let mut session = self.state.begin(config.clone(), &output.out)?;
-        let mut saver = self.state.saver();
         let (clock, info) = begin(&config);
+        let source = Source { capture: None, began_unix_us: info.unix_zero_us, is_resumed: self.state.is_resumed() };
+        let outputs = Outputs::begin(output.out(), source, &saves.guard)?;
+        let mut session = self.state.begin(config.clone(), outputs)?;
+        let (mut saver, mut checkpoints) = (saves.saver(), Checkpoints::default());
         taps.iter_mut().for_each(|tap| tap.begin(info.unix_zero_us));
         let mut recorder = self.record.begin(info.clone())?;
         #[cfg(feature = "viewer")]
-        let watched = self.viewer.begin(&config.robot.name, info.unix_zero_us)?;
+        let watched = self.viewer.begin(&config.robot.name, info.unix_zero_us, &saves.guard)?;
         #[cfg(feature = "viewer")]
         watched.watch(&mut session);
         // The threads of recorder and viewers exist already and keep their normal priority.
@@ -159,7 +169,13 @@ impl LiveArgs {
         {
             tracing::warn!("{error}");
         }
-        let live = Live { clock, session: &mut session, recorder: &mut recorder, saver: &mut saver };
+        let live = Live {
+            clock,
+            session: &mut session,
+            recorder: &mut recorder,
+            saver: &mut saver,
+            checkpoints: &mut checkpoints,
+        };
         let mut look = |link: &Link, session: Option<&Session>| {
             taps.iter_mut().for_each(|tap| tap.look(link, session));
             service.iter_mut().for_each(|service| service.look(link, session));
@@ -171,7 +187,8 @@ impl LiveArgs {
         session.end();
         drop(server);
         // A failed save does not keep the map from being written.
-        let saved = self.state.save(saver, &session);
+        let saved = saves.save(saver, &session);
+        checkpoints.finish();
         let lacking = recorder.map(Recorder::finish).unwrap_or_default();
         if lacking.chunks > 0 {
             session.doubt(format!("{} chunks are missing from the recording", lacking.chunks));

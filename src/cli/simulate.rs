@@ -1,5 +1,6 @@
 //! `slamd simulate`
 
+use super::outputs::{ForceArg, can_be_made_again};
 use super::{Failure, Kind, terminal};
 use crate::source::pty;
 use clap::{ArgGroup, Args};
@@ -76,6 +77,8 @@ pub(super) struct SimulateArgs {
     /// Write the session with the true poses to this capture.
     #[arg(long, value_name = "FILE")]
     capture: Option<PathBuf>,
+    #[command(flatten)]
+    force: ForceArg,
     /// Simulate a board in real time on a pseudo-terminal of this name.
     #[arg(long, value_name = "NAME")]
     pty: Option<PathBuf>,
@@ -119,6 +122,8 @@ impl SimulateArgs {
     }
 
     fn write(&self, simulation: Simulation, path: &Path) -> Result<(), Failure> {
+        let mut guard = self.force.guard().reads_all(Some(Path::new(&self.world)).filter(|world| world.is_file()));
+        let output = guard.output_replacing(path, can_be_made_again)?;
         let info = CaptureInfo {
             slamd_version: env!("CARGO_PKG_VERSION").into(),
             protocol_version: format!("{}.{}", slamd_protocol::VERSION_MAJOR, slamd_protocol::VERSION_MINOR),
@@ -135,19 +140,19 @@ impl SimulateArgs {
             ),
             faults: Some(simulation.faults().iter().map(ToString::to_string).collect()),
         };
-        let mut capture = CaptureWriter::create(path, &info).map_err(Failure::creating)?;
+        let mut capture = CaptureWriter::output(output, &info).map_err(Failure::creating)?;
         let bar = terminal::progress(Some(self.duration));
         let (mut way_m, mut before) = (0.0, None);
         for record in session(simulation) {
             terminal::show(&bar, record.at().seconds());
-            capture.record(&record)?;
+            capture.record(&record).map_err(Failure::creating)?;
             if let Record::Truth { pose, .. } = &record {
                 let at = pose.position();
                 way_m += before.replace(at).map_or(0.0, |before| (at - before).norm());
             }
         }
         bar.finish_and_clear();
-        capture.finish()?;
+        capture.finish().map_err(Failure::creating)?;
         terminal::say(path.display());
         if way_m < STANDSTILL_M {
             tracing::warn!(

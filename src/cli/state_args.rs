@@ -5,7 +5,8 @@ use crate::session_file::{self, FileError, Saver};
 use crate::source::session::Session;
 use clap::Args;
 use slamd_core::{Config, Method, SavedState, Start};
-use std::io::Write as _;
+use slamd_files::{Output, OutputGuard, Refusal};
+use slamd_publish::Outputs;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, Default, Args)]
@@ -16,7 +17,7 @@ pub(super) struct StateArgs {
     /// Localize the robot in the map of this session without changing that map; the robot may start anywhere in it.
     #[arg(long, value_name = "FILE", conflicts_with = "save_session")]
     localize: Option<PathBuf>,
-    /// Save map, walls, pose, wheels and sensors to this session file at the end; with a robot also every minute.
+    /// Save map, walls, pose, wheels and sensors to this session file at the end; with a robot also every ten seconds.
     #[arg(long, value_name = "FILE")]
     save_session: Option<PathBuf>,
     /// --resume and --save-session in one, for a robot that is switched off and on: continue this session, or begin it if the file does not exist.
@@ -34,8 +35,33 @@ impl StateArgs {
         paths.iter().any(|path| path.is_some())
     }
 
+    /// Checks the files to be saved before the run begins. `guard` knows the other inputs.
+    pub(super) fn outputs(&self, guard: OutputGuard) -> Result<Saves, Failure> {
+        let mut guard = guard.reads_all([&self.resume, &self.localize].into_iter().filter_map(Option::as_deref));
+        let session = self.save_session.as_deref().map(|path| guard.output(path)).transpose();
+        let session = session.map_err(|refusal| match refusal {
+            Refusal::Input(path) if self.resume.is_some() => {
+                let name = path.display();
+                Failure::new(
+                    Kind::Usage,
+                    format!("{name} would be written over; --session {name} continues a session in its own file"),
+                )
+            }
+            other => other.into(),
+        })?;
+        // A session that is continued takes the place of its own file.
+        let continued = self.session.as_deref().map(|path| guard.output_replacing(path, |_| true)).transpose()?;
+        let calibration = self.save_calibration.as_deref().map(|path| guard.output(path)).transpose()?;
+        Ok(Saves { session: session.or(continued), calibration, guard })
+    }
+
+    /// True if the run continues a saved session.
+    pub(super) fn is_resumed(&self) -> bool {
+        self.resume.is_some() || self.session.as_ref().is_some_and(|path| path.exists())
+    }
+
     /// Begins the session from the saved state.
-    pub(super) fn begin(&self, config: Config, folder: &Path) -> Result<Session, Failure> {
+    pub(super) fn begin(&self, config: Config, outputs: Outputs) -> Result<Session, Failure> {
         let keeps = self.saved().is_some() || self.save_calibration.is_some();
         if config.method == Method::Paper && keeps {
             return Err(Failure::new(
@@ -59,12 +85,7 @@ impl StateArgs {
             let file = path.map_or_else(String::new, |path| format!("{}: ", path.display()));
             Failure::new(Kind::Data, format!("{file}{error}"))
         })?;
-        Ok(Session::new(pipeline, folder)?)
-    }
-
-    /// Saves the session every minute; none if no session file is named.
-    pub(super) fn saver(&self) -> Option<Saver> {
-        self.saved().cloned().map(Saver::new)
+        Ok(Session::begin(pipeline, outputs))
     }
 
     /// The session file to write.
@@ -84,28 +105,44 @@ impl StateArgs {
             Err(error) => Err(Failure::new(Kind::Io, format!("{}: {error}", path.display()))),
         }
     }
+}
+
+/// The files that a run saves for the next.
+pub(super) struct Saves {
+    session: Option<Output>,
+    calibration: Option<Output>,
+    /// Knows all inputs of the run.
+    pub(super) guard: OutputGuard,
+}
+
+impl Saves {
+    /// Saves the session while the run goes on; none if no session file is named.
+    pub(super) fn saver(&self) -> Option<Saver> {
+        self.session.as_ref().map(|output| Saver::new(output.path().to_owned()))
+    }
 
     /// Saves session and calibration at the end, as requested. A failure of one does not prevent the other.
-    pub(super) fn save(&self, saver: Option<Saver>, session: &Session) -> Result<(), Failure> {
-        let saved = saver.map_or(Ok(()), |saver| saver.finish(session.saved_state()));
-        if let (Some(path), Some(config)) = (&self.save_calibration, session.calibrated()) {
-            write_robot(path, &config, "slamd --save-calibration")?;
+    pub(super) fn save(self, saver: Option<Saver>, session: &Session) -> Result<(), Failure> {
+        let state = session.saved_state();
+        // Without a map nothing has been learnt of the wheels.
+        let calibrated = state.is_some().then(|| session.calibrated()).flatten();
+        let saved = saver.map_or(Ok(()), |saver| saver.finish(state));
+        match (self.calibration, calibrated) {
+            (Some(output), Some(config)) => write_robot(output, &config, "slamd --save-calibration")?,
+            (Some(output), None) => {
+                tracing::warn!("{}: not written, because there is no calibration to save yet", output.path().display());
+            }
+            (None, _) => {}
         }
         Ok(saved?)
     }
 }
 
 /// Writes a robot's configuration, with the keys that differ from the defaults, completely or not at all.
-pub(super) fn write_robot(path: &Path, config: &Config, writer: &str) -> Result<(), Failure> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or_else(|| Path::new("."));
-    let write = || -> std::io::Result<()> {
-        let mut file = tempfile::NamedTempFile::new_in(folder)?;
-        writeln!(file, "# Written by `{writer}`; configs/README.md describes each key.\n")?;
-        file.write_all(config.to_toml_differences().as_bytes())?;
-        file.as_file().sync_all()?;
-        file.persist(path).map(drop).map_err(|error| error.error)
-    };
-    write().map_err(|error| Failure::new(Kind::CantCreate, format!("{}: {error}", path.display())))
+pub(super) fn write_robot(output: Output, config: &Config, writer: &str) -> Result<(), Failure> {
+    let head = format!("# Written by `{writer}`; configs/README.md describes each key.\n\n");
+    let text = head + &config.to_toml_differences();
+    output.write(text.as_bytes()).map_err(|error| Failure::new(Kind::CantCreate, error.to_string()))
 }
 
 impl From<FileError> for Failure {

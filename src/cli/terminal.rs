@@ -44,11 +44,19 @@ pub(super) fn plain(text: impl std::fmt::Display) -> String {
     text.to_string().chars().filter(|c| !c.is_control() || matches!(c, '\n' | '\t')).collect()
 }
 
-/// Prints the summary as text or JSON on standard output. The last line of the text says what came of the run.
+/// Prints the summary as text or JSON on standard output, with the folder of the results if they are kept. The last line of the text says what came of the run.
 ///
 /// # Errors
 /// When nothing was mapped, with the reason.
-pub(super) fn report(summary: &Summary, faulty: &[FaultEvent], folder: &Path, json: bool) -> Result<(), Failure> {
+pub(super) fn report(
+    summary: &Summary,
+    faulty: &[FaultEvent],
+    folder: Option<&Path>,
+    json: bool,
+) -> Result<(), Failure> {
+    if let Some(remark) = &summary.remark {
+        tracing::warn!("{remark}");
+    }
     if json {
         say(summary.to_json());
     } else {
@@ -60,7 +68,7 @@ pub(super) fn report(summary: &Summary, faulty: &[FaultEvent], folder: &Path, js
     }
 }
 
-fn say_text(summary: &Summary, faulty: &[FaultEvent], folder: &Path) {
+fn say_text(summary: &Summary, faulty: &[FaultEvent], folder: Option<&Path>) {
     say(format_args!("{} sweeps, {} dropped, {} CRC errors", summary.sweeps, summary.dropped, summary.crc_errors));
     if let (Some(mean), Some(p99)) = (summary.mean_us_per_sweep, summary.p99_us_per_sweep) {
         say(format_args!("{mean:.0} us per sweep, 99th percentile {p99:.0} us"));
@@ -81,7 +89,9 @@ fn say_text(summary: &Summary, faulty: &[FaultEvent], folder: &Path) {
         say(format_args!("{} (since {:.1} s)", fault.reason, fault.found_s));
     }
     if summary.nothing_mapped.is_none() {
-        say(format_args!("map: {}", folder.join("map.png").display()));
+        if let Some(folder) = folder {
+            say(format_args!("map: {}", folder.join("map.png").display()));
+        }
         say(summary.last_line());
     }
 }

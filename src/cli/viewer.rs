@@ -3,6 +3,7 @@
 use super::{Failure, Kind};
 use crate::source::session::Session;
 use clap::Args;
+use slamd_files::OutputGuard;
 use slamd_viewer::{Choice, HERE, Identity, Installed, Viewer, has_display};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
@@ -49,7 +50,12 @@ impl LiveViewerArgs {
         }
     }
 
-    pub(super) fn begin(&self, robot: &str, unix_zero_us: Option<u64>) -> Result<Watched, Failure> {
+    pub(super) fn begin(
+        &self,
+        robot: &str,
+        unix_zero_us: Option<u64>,
+        guard: &OutputGuard,
+    ) -> Result<Watched, Failure> {
         let mut choices = self.viewer.clone();
         if choices.is_empty() {
             choices.push(Choice::Serve(HERE));
@@ -58,7 +64,7 @@ impl LiveViewerArgs {
             }
         }
         check_exposure(&choices, self.expose_viewer)?;
-        begin(&choices, robot, unix_zero_us, false)
+        begin(&choices, robot, unix_zero_us, false, guard)
     }
 }
 
@@ -68,9 +74,14 @@ impl ReplayViewerArgs {
         self.viewer.iter().any(|choice| *choice != Choice::Off)
     }
 
-    pub(super) fn begin(&self, capture: &str, unix_zero_us: Option<u64>) -> Result<Watched, Failure> {
+    pub(super) fn begin(
+        &self,
+        capture: &str,
+        unix_zero_us: Option<u64>,
+        guard: &OutputGuard,
+    ) -> Result<Watched, Failure> {
         check_exposure(&self.viewer, self.expose_viewer)?;
-        begin(&self.viewer, capture, unix_zero_us, true)
+        begin(&self.viewer, capture, unix_zero_us, true, guard)
     }
 }
 
@@ -117,7 +128,14 @@ fn check_exposure(choices: &[Choice], is_exposed: bool) -> Result<(), Failure> {
 }
 
 #[expect(clippy::disallowed_methods, reason = "makes the recording's id unique")]
-fn begin(choices: &[Choice], name: &str, unix_zero_us: Option<u64>, is_replay: bool) -> Result<Watched, Failure> {
+fn begin(
+    choices: &[Choice],
+    name: &str,
+    unix_zero_us: Option<u64>,
+    is_replay: bool,
+    guard: &OutputGuard,
+) -> Result<Watched, Failure> {
+    let mut guard = guard.clone();
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     let recording = format!("slamd-{}-{}", now.as_nanos(), std::process::id());
     let identity = Identity { recording, name: name.into(), unix_zero_us };
@@ -126,7 +144,10 @@ fn begin(choices: &[Choice], name: &str, unix_zero_us: Option<u64>, is_replay: b
     let serves = choices.iter().any(|choice| matches!(choice, Choice::Serve(_)));
     for choice in choices {
         match choice {
-            Choice::File(path) => viewer.record(path).map_err(|error| Failure::new(Kind::CantCreate, error))?,
+            Choice::File(path) => {
+                guard.output(path)?;
+                viewer.record(path).map_err(|error| Failure::new(Kind::CantCreate, error))?;
+            }
             Choice::Connect(url, host) => viewer.connect(url, host),
             Choice::Serve(address) => drop(viewer.serve(*address)),
             Choice::Spawn | Choice::Web | Choice::Off => {}

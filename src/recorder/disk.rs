@@ -14,7 +14,7 @@ pub trait Disk {
     /// Creates the file of a part; 1 is the first.
     ///
     /// # Errors
-    /// When it cannot be created.
+    /// When it cannot be created, with [`io::ErrorKind::AlreadyExists`] where it exists: then it belongs to another recording.
     fn create(&mut self, part: u32) -> io::Result<Self::File>;
 
     /// Deletes the file of a part.
@@ -40,7 +40,8 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// A recording whose first part is `path`; further parts are `NAME-0002.mcap` and so on in the same folder.
+    /// A recording whose first part is `path`; further parts are `NAME-0002.mcap` and so on in the same folder. Where one of these
+    /// files exists, the recording takes the next number.
     #[must_use]
     pub fn file(path: &Path) -> Self {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -62,14 +63,16 @@ impl Disk for Folder {
 
     fn create(&mut self, part: u32) -> io::Result<PartFile> {
         let path = self.path(part);
-        // A file that the user named is replaced; an existing numbered file belongs to another recording.
-        let is_named = part == 1 && self.first.is_some();
-        let file = if is_named { private::create_file(&path)? } else { private::create_new_file(&path)? };
+        // A pipe or a device that the user named holds no recording.
+        let is_stream = part == 1 && self.first.is_some() && std::fs::metadata(&path).is_ok_and(|it| !it.is_file());
+        let file = if is_stream { private::create_file(&path)? } else { private::create_new_file(&path)? };
         Ok(PartFile { is_seekable: file.metadata()?.is_file(), file, written: 0 })
     }
 
     fn remove(&mut self, part: u32) -> io::Result<()> {
-        std::fs::remove_file(self.path(part))
+        let path = self.path(part);
+        // A pipe or a device that the user named stays.
+        if std::fs::symlink_metadata(&path)?.is_file() { std::fs::remove_file(path) } else { Ok(()) }
     }
 
     fn free_bytes(&mut self) -> Option<u64> {

@@ -75,19 +75,24 @@ const WARNING_PERIOD: Duration = Duration::from_secs(60);
 const IDLE: Duration = Duration::from_secs(1);
 
 impl Recorder {
-    /// Begins a recording.
+    /// Begins a recording. It says so where its first file existed, which is kept.
     ///
     /// # Errors
     /// When its first file cannot be created or written.
     pub fn begin(folder: Folder, info: CaptureInfo, plan: Plan) -> Result<Self, CaptureError> {
+        let wanted = folder.path(1);
         let tape = Tape::begin(folder, info, plan)?;
+        if tape.part() != 1 {
+            tracing::warn!("{} exists and is kept; recording to {}", wanted.display(), tape.path().display());
+        }
         let (queue, chunks) = sync_channel(QUEUE);
-        let parts = Arc::new(AtomicU32::new(1));
+        let parts_seen = tape.part();
+        let parts = Arc::new(AtomicU32::new(parts_seen));
         let thread = {
             let parts = Arc::clone(&parts);
             std::thread::spawn(move || write(tape, &chunks, &parts))
         };
-        Ok(Self { queue, thread, parts, parts_seen: 1, dropped: 0, warn_at: Timestamp::default() })
+        Ok(Self { queue, thread, parts, parts_seen, dropped: 0, warn_at: Timestamp::default() })
     }
 
     /// Records a chunk; a chunk that finds the queue full is counted as lost.

@@ -41,6 +41,8 @@ pub struct Tape<D: Disk> {
     info: CaptureInfo,
     plan: Plan,
     part: Part<D::File>,
+    /// The numbers of this recording's files that may be deleted; others in between belong to other recordings.
+    parts: VecDeque<u32>,
     waiting: VecDeque<Chunk>,
     waiting_bytes: usize,
     now: Timestamp,
@@ -86,18 +88,22 @@ const GIVE_UP: Duration = Duration::from_secs(10);
 const NOTICE_PERIOD: Duration = Duration::from_secs(60);
 
 impl<D: Disk> Tape<D> {
-    /// Creates the first file and writes its header.
+    /// Creates the first file and writes its header. A file that exists is another recording's and is kept.
     ///
     /// # Errors
     /// When the file cannot be created or written.
     pub fn begin(mut disk: D, info: CaptureInfo, plan: Plan) -> Result<Self, CaptureError> {
-        let path = disk.path(1);
-        let begun = Part::begin(&mut disk, &info, 1, Timestamp::default()).and_then(|mut part| {
-            part.drain()?;
+        let begun = Part::begin_next(&mut disk, &info, 1, Timestamp::default()).and_then(|mut part| {
+            part.drain().inspect_err(|_| {
+                // An empty file is no recording.
+                let _ = disk.remove(part.number);
+            })?;
             Ok(part)
         });
+        let part = begun.map_err(|source| CaptureError::Io { path: disk.path(1), source })?;
         Ok(Self {
-            part: begun.map_err(|source| CaptureError::Io { path, source })?,
+            parts: VecDeque::from([part.number]),
+            part,
             disk,
             info,
             plan,
@@ -153,6 +159,11 @@ impl<D: Disk> Tape<D> {
     #[must_use]
     pub const fn part(&self) -> u32 {
         self.part.number
+    }
+
+    /// The present file's path, for messages.
+    pub fn path(&self) -> std::path::PathBuf {
+        self.disk.path(self.part.number)
     }
 
     /// Chunks lost so far.
@@ -237,15 +248,10 @@ impl<D: Disk> Tape<D> {
     }
 
     fn next_part(&mut self, at: Timestamp) -> io::Result<()> {
-        let mut number = self.part.number + 1;
-        self.part = loop {
-            match Part::begin(&mut self.disk, &self.info, number, at) {
-                Err(error) if error.kind() == ErrorKind::AlreadyExists => number += 1,
-                begun => break begun?,
-            }
-        };
-        if let Some(oldest) =
-            self.plan.keep.and_then(|keep| number.checked_sub(keep.max(1))).filter(|oldest| *oldest > 0)
+        self.part = Part::begin_next(&mut self.disk, &self.info, self.part.number + 1, at)?;
+        self.parts.push_back(self.part.number);
+        if self.plan.keep.is_some_and(|keep| self.parts.len() > keep.max(1) as usize)
+            && let Some(oldest) = self.parts.pop_front()
         {
             // The file may have been deleted already.
             let _ = self.disk.remove(oldest);
@@ -298,6 +304,21 @@ impl<F: Write> Part<F> {
         let memory = Memory::default();
         let writer = CaptureWriter::begin(memory.clone(), &disk.path(number), info).map_err(io::Error::other)?;
         Ok(Self { number, file, writer, memory, began, written: 0, is_used: false, encoded: 0, open: 0 })
+    }
+
+    /// Begins the first file from `number` on that does not exist.
+    fn begin_next<D: Disk<File = F>>(
+        disk: &mut D,
+        info: &CaptureInfo,
+        mut number: u32,
+        began: Timestamp,
+    ) -> io::Result<Self> {
+        loop {
+            match Self::begin(disk, info, number, began) {
+                Err(error) if error.kind() == ErrorKind::AlreadyExists && number < u32::MAX => number += 1,
+                begun => return begun,
+            }
+        }
     }
 
     fn encode(&mut self, chunk: &Chunk) -> io::Result<()> {

@@ -27,7 +27,8 @@ pub use saver::Saver;
 use crc::{CRC_32_ISO_HDLC, Crc};
 use slamd_core::SavedState;
 use slamd_core::saved_state::FoundRobot;
-use std::io::{self, Read as _, Write as _};
+use slamd_files::{PartFile, WriteError};
+use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
 /// The first bytes of each session file.
@@ -225,12 +226,13 @@ pub fn read(path: &Path) -> Result<SavedState, FileError> {
 /// # Errors
 /// When the file cannot be written; the error names the file.
 pub fn write(path: &Path, state: &SavedState) -> Result<(), FileError> {
-    let io = |source| FileError::Io { path: path.into(), source };
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or_else(|| Path::new("."));
-    let mut file = tempfile::NamedTempFile::new_in(folder).map_err(io)?;
-    file.write_all(&encode(state)).map_err(io)?;
-    file.as_file().sync_all().map_err(io)?;
-    file.persist(path).map_err(|error| io(error.error))?;
-    // The folder is synced so that the name survives a power cut too.
-    std::fs::File::open(folder).and_then(|folder| folder.sync_all()).map_err(io)
+    let mut file = PartFile::create(path)?;
+    file.append(&encode(state));
+    Ok(file.finish().map(drop)?)
+}
+
+impl From<WriteError> for FileError {
+    fn from(error: WriteError) -> Self {
+        Self::Io { path: error.path, source: error.source }
+    }
 }

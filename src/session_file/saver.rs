@@ -2,21 +2,18 @@
 
 use super::{FileError, write};
 use crate::priority;
+use crate::source::checkpoints::PERIOD;
 use slamd_core::{SavedState, Timestamp};
 use std::path::PathBuf;
 use std::thread::JoinHandle;
-use std::time::Duration;
 
-/// Writes a session file every minute, and at the end.
+/// Writes a session file every ten seconds, and at the end.
 #[derive(Debug)]
 pub struct Saver {
     path: PathBuf,
     next: Timestamp,
     writing: Option<JoinHandle<Result<(), FileError>>>,
 }
-
-/// Time between two saves.
-const PERIOD: Duration = Duration::from_secs(60);
 
 impl Saver {
     /// A saver that has not saved yet.
@@ -32,7 +29,7 @@ impl Saver {
         }
         self.next = at + PERIOD;
         if let Err(error) = self.join() {
-            tracing::warn!("the session was not saved: {error}; retrying in a minute");
+            tracing::warn!("the session was not saved: {error}; retrying in 10 s");
         }
         if let Some(state) = state() {
             let path = self.path.clone();

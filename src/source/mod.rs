@@ -4,6 +4,7 @@
 #![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
 #![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
 
+pub mod checkpoints;
 mod event_log;
 pub mod live;
 pub mod pty;

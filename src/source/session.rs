@@ -5,12 +5,12 @@
 use super::event_log::EventLog;
 use bytes::Bytes;
 use slamd_core::{
-    Config, Context, Driver, Event, FaultEvent, Input, Pipeline, Pose2, Record, Ring, SavedState, SessionState,
+    Config, Context, Driver, Event, FaultEvent, Input, Pipeline, Pose2, Raster, Record, Ring, SavedState, SessionState,
     Snapshot, Sweep, Timestamp, Update, Watcher,
     link::{Link, Reception},
 };
 use slamd_metrics::TrueFault;
-use slamd_publish::{FinalState, Outputs, Summary, WriteError};
+use slamd_publish::{Checkpoint, FinalState, FolderError, Outputs, Summary, WriteError};
 use std::path::Path;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
@@ -35,13 +35,19 @@ struct Observers {
 }
 
 impl Session {
-    /// A session that writes into a folder.
+    /// A session that writes into a folder, over what it holds.
     ///
     /// # Errors
-    /// When the folder or a file in it cannot be created.
-    pub fn new(pipeline: Pipeline, folder: &Path) -> Result<Self, WriteError> {
+    /// When another run uses the folder, or the folder or a file in it cannot be created.
+    pub fn new(pipeline: Pipeline, folder: &Path) -> Result<Self, FolderError> {
+        Ok(Self::begin(pipeline, Outputs::create(folder)?))
+    }
+
+    /// A session with its outputs.
+    #[must_use]
+    pub fn begin(pipeline: Pipeline, outputs: Outputs) -> Self {
         let observers = Observers {
-            outputs: Outputs::create(folder)?,
+            outputs,
             state: SessionState::default(),
             log: EventLog::default(),
             watcher: None,
@@ -49,7 +55,7 @@ impl Session {
             poses: 0,
             has_posed: false,
         };
-        Ok(Self { driver: Driver::new(pipeline).with_stopwatch(stopwatch), observers })
+        Self { driver: Driver::new(pipeline).with_stopwatch(stopwatch), observers }
     }
 
     /// Adds a watcher.
@@ -209,24 +215,24 @@ impl Session {
         self.driver.pipeline()
     }
 
+    /// A copy of map and path that another thread can write, once something is mapped.
+    ///
+    /// # Errors
+    /// When earlier results cannot be moved away, or a file cannot be renamed.
+    pub fn checkpoint(&mut self) -> Result<Option<Checkpoint>, WriteError> {
+        let Self { driver, observers } = self;
+        let no_ring = Ring::default();
+        observers.outputs.checkpoint(&final_state(driver, &driver.pipeline().raster(), &no_ring))
+    }
+
     /// Writes the map, the picture and the summary.
     ///
     /// # Errors
     /// When an output cannot be written.
     pub fn finish(self) -> Result<(Summary, Vec<FaultEvent>), WriteError> {
         let Self { driver, observers } = self;
-        let (pipeline, no_ring) = (driver.pipeline(), Ring::default());
-        let summary = observers.outputs.finish(&FinalState {
-            config: pipeline.config(),
-            raster: &pipeline.raster(),
-            ring: pipeline.ring().unwrap_or(&no_ring),
-            states: pipeline.states(),
-            counters: pipeline.counters(),
-            calibration: pipeline.calibration(),
-            walls: pipeline.segments().len(),
-            waiting: pipeline.waiting(),
-            ended: driver.now(),
-        })?;
+        let no_ring = Ring::default();
+        let summary = observers.outputs.finish(&final_state(&driver, &driver.pipeline().raster(), &no_ring))?;
         Ok((summary, observers.state.faulty().cloned().collect()))
     }
 
@@ -259,6 +265,22 @@ impl Observers {
                 }
             }
         }
+    }
+}
+
+/// What the outputs need of the pipeline.
+fn final_state<'a>(driver: &'a Driver, raster: &'a Raster, no_ring: &'a Ring) -> FinalState<'a> {
+    let pipeline = driver.pipeline();
+    FinalState {
+        config: pipeline.config(),
+        raster,
+        ring: pipeline.ring().unwrap_or(no_ring),
+        states: pipeline.states(),
+        counters: pipeline.counters(),
+        calibration: pipeline.calibration(),
+        walls: pipeline.segments().len(),
+        waiting: pipeline.waiting(),
+        ended: driver.now(),
     }
 }
 

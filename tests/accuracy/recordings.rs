@@ -8,7 +8,8 @@
 use slamd::inspect::inspect;
 use slamd_capture::CaptureReader;
 use slamd_core::{Config, Driver, Event, Pose2, Update, wrap_angle};
-use slamd_eval::import::{ImportError, Summary, carmen, ring};
+use slamd_eval::import::{ImportError, Options, Summary, carmen, ring};
+use slamd_files::{Output, OutputGuard};
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -24,6 +25,18 @@ fn data(name: &str) -> Option<PathBuf> {
         println!("skipped: {} is absent", path.display());
     }
     Some(path).filter(|path| path.exists())
+}
+
+fn output(capture: &Path) -> Output {
+    OutputGuard::new(true).output(capture).unwrap()
+}
+
+fn ring_import(csv: &[u8], file: &str, config: &Config, capture: &Path) -> Result<Summary, ImportError> {
+    ring::read(csv, file, config, &Options::default())?.write(output(capture))
+}
+
+fn carmen_import(log: &[u8], file: &str, config: &Config, capture: &Path) -> Result<Summary, ImportError> {
+    carmen::read(log, file, config, &Options::default())?.write(output(capture))
 }
 
 /// What the pipeline makes of a capture: how many sweeps, the poses by filter and by encoders, how many sensor states.
@@ -67,7 +80,7 @@ fn an_empty_cell_of_an_encoder_changes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let capture = folder.path().join("case.mcap");
     let poses = |csv: &[u8]| {
-        let summary = ring::import(csv, "case.csv", &config, &capture).unwrap();
+        let summary = ring_import(csv, "case.csv", &config, &capture).unwrap();
         (run(&capture, &config).poses, summary.filled_ticks)
     };
     let ((whole, none), (holed, filled)) = (poses(&whole), poses(&holed));
@@ -82,7 +95,7 @@ fn ranges_in_another_unit_are_refused() {
         let Some((csv, config)) = case(&format!("08-ranges-in-cm-or-mm/{unit}.csv")) else { continue };
         let folder = tempfile::tempdir().unwrap();
         let capture = folder.path().join("case.mcap");
-        let error = ring::import(csv.as_slice(), "case.csv", &config, &capture).unwrap_err().to_string();
+        let error = ring_import(csv.as_slice(), "case.csv", &config, &capture).unwrap_err().to_string();
         assert!(error.contains("no reading of ") && error.contains(word), "{error}");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "a refused recording leaves no file");
     }
@@ -93,7 +106,7 @@ fn sensors_that_answer_one_after_another_make_sweeps() {
     let Some((csv, config)) = case("12-one-sensor-per-row/robin.csv") else { return };
     let folder = tempfile::tempdir().unwrap();
     let capture = folder.path().join("case.mcap");
-    let summary = ring::import(csv.as_slice(), "case.csv", &config, &capture).unwrap();
+    let summary = ring_import(csv.as_slice(), "case.csv", &config, &capture).unwrap();
     assert_eq!((summary.rows, summary.collected), (3600, 225));
     let run = run(&capture, &config);
     assert_eq!((run.sweeps, run.states), (225, 16));
@@ -129,7 +142,7 @@ fn extent(poses: &[Pose2]) -> [f64; 2] {
 
 fn import_ring(text: &str, capture: &Path) -> Result<Summary, ImportError> {
     let toml = "[robot]\nticks_per_turn = 1000\n[ring.circle]\ncount = 3\nradius_m = 0.1\nhalf_angle_deg = 5\n";
-    ring::import(text.as_bytes(), "small.csv", &Config::from_toml(toml).unwrap(), capture)
+    ring_import(text.as_bytes(), "small.csv", &Config::from_toml(toml).unwrap(), capture)
 }
 
 #[test]
@@ -138,7 +151,8 @@ fn a_ring_csv_becomes_a_capture() {
     let capture = folder.path().join("small.mcap");
     let text = "t_s,left_ticks,right_ticks,r0,r1,r2\n10.0,0,0,1.000,inf,\n10.1,5,-7,1.000,2.5,\n10.05,5,-7,1.1,2.5,0.3\n12,,,1,1,1\n";
     let summary = import_ring(text, &capture).unwrap();
-    assert_eq!((summary.rows, summary.clamped), (4, 1));
+    assert_eq!((summary.rows, summary.clamped), (4, 0));
+    assert_eq!(summary.remarks, ["line 4: t_s = 10.05 is out of order; the time is interpolated"]);
     let report = inspect(&capture).unwrap();
     assert_eq!(report.frames["SONAR"].count, 4);
     assert!(report.board.starts_with("imported"), "{}", report.board);
@@ -171,7 +185,7 @@ fn errors_name_file_line_column_and_what_is_expected() {
         (format!("{header}0,0,0,100,200,x\n").replace('x', "150"), "small.csv: no reading of 3 lies within"),
         (format!("{header}0,0,0,1,2\n"), "line 2, column 6: ``: expected 6 fields"),
         (format!("{header}0,0,0,1,2,3,4\n"), "line 2, column 7: `4`: expected the end of the line"),
-        (format!("{header}0,1.5,0,1,2,3\n"), "line 2, column 2: `1.5`: expected a whole number"),
+        (format!("{header}0,1.x,0,1,2,3\n"), "line 2, column 2: `1.x`: expected a number"),
         (format!("{header}inf,0,0,1,2,3\n"), "line 2, column 1: `inf`: expected seconds"),
         ("t_s,left,right_ticks,r0,r1,r2\n".into(), "line 1, column 2: `left`: expected `left_ticks`"),
         (header.into(), "small.csv: nothing to import"),
@@ -180,10 +194,10 @@ fn errors_name_file_line_column_and_what_is_expected() {
     for (text, expected) in refusals {
         assert!(error(&text).contains(expected), "{} for {text:?}", error(&text));
     }
-    let without = ring::import(header.as_bytes(), "a.csv", &Config::default(), &capture).unwrap_err().to_string();
+    let without = ring_import(header.as_bytes(), "a.csv", &Config::default(), &capture).unwrap_err().to_string();
     assert!(without.contains("ring"), "{without}");
     let config = Config::from_toml("[ring.circle]\ncount = 3\nradius_m = 0.1\nhalf_angle_deg = 5\n").unwrap();
-    let without = ring::import(header.as_bytes(), "a.csv", &config, &capture).unwrap_err().to_string();
+    let without = ring_import(header.as_bytes(), "a.csv", &config, &capture).unwrap_err().to_string();
     assert!(without.contains("robot.ticks_per_turn"), "{without}");
 }
 
@@ -205,7 +219,7 @@ fn a_carmen_log_becomes_a_capture() {
     ]
     .concat();
     let config = config("carmen17.toml");
-    let summary = carmen::import(text.as_bytes(), "small.log", &config, &capture).unwrap();
+    let summary = carmen_import(text.as_bytes(), "small.log", &config, &capture).unwrap();
     assert_eq!((summary.rows, summary.encoder_rows, summary.skipped, summary.clamped), (2, 3, 1, 1));
     let report = inspect(&capture).unwrap();
     assert_eq!((report.frames["SONAR"].count, report.frames["ENCODER"].count), (2, 3));
@@ -220,7 +234,7 @@ fn a_carmen_log_becomes_a_capture() {
         assert!((wheel.net_ticks as f64 - expected).abs() < 1.0, "{wheel:?}, expected {expected}");
     }
 
-    let error = |text: &str| carmen::import(text.as_bytes(), "bad.log", &config, &capture).unwrap_err().to_string();
+    let error = |text: &str| carmen_import(text.as_bytes(), "bad.log", &config, &capture).unwrap_err().to_string();
     assert!(error("ODOM 1 2 x 0 0 0 1 h 1\n").contains("bad.log: line 1, column 4: `x`: expected the pose's theta"));
     assert!(error("\nFLASER many\n").contains("line 2, column 2: `many`: expected the number of ranges"));
     assert!(error("FLASER 3 1 1\n").contains("line 1, column 9: ``: expected the pose's x"));
@@ -251,7 +265,7 @@ fn the_corridor_is_mapped_at_its_size() {
     let csv = example(&["corridor", ranges.to_str().unwrap(), poses.to_str().unwrap()], Stdio::null());
     let (config, folder) = (config("corridor8.toml"), tempfile::tempdir().unwrap());
     let capture = folder.path().join("corridor.mcap");
-    let summary = ring::import(csv.as_slice(), "corridor.csv", &config, &capture).unwrap();
+    let summary = ring_import(csv.as_slice(), "corridor.csv", &config, &capture).unwrap();
     println!("{summary}\n{}", inspect(&capture).unwrap());
     let run = run(&capture, &config);
     assert!(run.sweeps > 350, "{} sweeps", run.sweeps);
@@ -275,7 +289,7 @@ fn the_ring_of_24_reports_its_sensors() {
     let csv = example(&["scitos", csv.to_str().unwrap()], Stdio::null());
     let (config, folder) = (config("scitos24.toml"), tempfile::tempdir().unwrap());
     let capture = folder.path().join("scitos.mcap");
-    ring::import(csv.as_slice(), "scitos.csv", &config, &capture).unwrap();
+    ring_import(csv.as_slice(), "scitos.csv", &config, &capture).unwrap();
     println!("{}", inspect(&capture).unwrap());
     let run = run(&capture, &config);
     println!("{} sweeps", run.sweeps);
@@ -307,7 +321,7 @@ fn carmen_logs_of_two_buildings_run() {
         let Some(text) = decompressed("gzip", name, 2000) else { continue };
         let (config, folder) = (config("carmen17.toml"), tempfile::tempdir().unwrap());
         let capture = folder.path().join("log.mcap");
-        let summary = carmen::import(text.as_slice(), name, &config, &capture).unwrap();
+        let summary = carmen_import(text.as_slice(), name, &config, &capture).unwrap();
         println!("{name}: {summary}\n{}", inspect(&capture).unwrap());
         let run = run(&capture, &config);
         assert!(run.sweeps + 5 > summary.rows, "{} of {} sweeps", run.sweeps, summary.rows);
@@ -324,7 +338,7 @@ fn ticks_and_beams_of_the_mines_rover_run() {
     std::fs::write(&plain, text).unwrap();
     let csv = example(&["mines", "-"], std::fs::File::open(plain).unwrap().into());
     let config = config("mines21.toml");
-    let summary = ring::import(csv.as_slice(), "mines.csv", &config, &capture).unwrap();
+    let summary = ring_import(csv.as_slice(), "mines.csv", &config, &capture).unwrap();
     println!("{summary}\n{}", inspect(&capture).unwrap());
     let run = run(&capture, &config);
     println!("{} sweeps, extent {:.2?} m, by encoders {:.2?} m", run.sweeps, extent(&run.poses), extent(&run.odometry));

@@ -47,7 +47,7 @@ fn a_full_disk_blocks_nothing_and_loses_nothing() {
     }
     let mut daemon = Daemon::run(command);
     daemon.expect("drive.mcap: No space left on device (os error 28); mapping continues", SOON);
-    daemon.expect("trajectory.tum.part: No space left on device (os error 28); it waits in memory", SOON);
+    daemon.expect("trajectory.tum: No space left on device (os error 28); it waits in memory", SOON);
     std::fs::remove_file(format!("/proc/{}/root{}", daemon.pid(), disk.join("ballast").display())).unwrap();
     daemon.expect("recording continues after", SOON);
     assert!(daemon.has_said("nothing is missing"));

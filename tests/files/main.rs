@@ -1,7 +1,11 @@
 //! Files that slamd writes and reads: recordings, session files, ROS 2 bags.
 
+mod cases;
 mod full_disk;
+mod import_bag;
 mod kill;
+mod outputs;
+mod power_cut;
 mod recording;
 mod resume;
 mod ros2;

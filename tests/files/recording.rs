@@ -193,14 +193,33 @@ fn recordings_are_private_and_spare_other_files() {
     assert_eq!(std::fs::read(target.join("drive-0002.mcap")).unwrap(), b"an old one");
     assert_eq!((mode(&target), mode(&target.join("drive-0001.mcap"))), (0o700, 0o600));
     assert!(target.join("drive-0003.mcap").exists());
-    // A file that was open to all is closed to others.
-    let path = folder.path().join("open.mcap");
+    // So is a file that the user names: the recording takes the next number.
+    let path = folder.path().join("drive.mcap");
     std::fs::write(&path, "old").unwrap();
-    std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o666)).unwrap();
+    std::os::unix::fs::symlink("nowhere", folder.path().join("drive-0002.mcap")).unwrap();
     let recorder = Recorder::begin(Folder::file(&path), info, Plan::default()).unwrap();
     assert_eq!(recorder.finish(), Losses::default());
-    assert_eq!(mode(&path), 0o600);
-    assert_eq!(CaptureReader::open(&path).unwrap().count(), 0);
+    assert_eq!(std::fs::read(&path).unwrap(), b"old");
+    assert!(!folder.path().join("nowhere").exists());
+    let next = folder.path().join("drive-0003.mcap");
+    assert_eq!((mode(&next), CaptureReader::open(&next).unwrap().count()), (0o600, 0));
+}
+
+#[test]
+fn only_a_recordings_own_files_are_deleted() {
+    let folder = tempfile::tempdir().unwrap();
+    let plan = Plan { most_bytes: Some(1), keep: Some(2), ..Plan::default() };
+    for number in [1, 2, 4, 6] {
+        std::fs::write(folder.path().join(format!("drive-{number:04}.mcap")), "another's").unwrap();
+    }
+    let name = Folder::numbered(folder.path(), "drive").unwrap();
+    let mut recorder = Recorder::begin(name, CaptureInfo::default(), plan).unwrap();
+    (0..9).for_each(|i| recorder.record(Chunk::Received(Timestamp::from_us(i * 100_000), Bytes::from_static(b"abc"))));
+    assert_eq!(recorder.finish(), Losses::default());
+    for number in [1, 2, 4, 6] {
+        assert_eq!(std::fs::read(folder.path().join(format!("drive-{number:04}.mcap"))).unwrap(), b"another's");
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 4 + 2);
 }
 
 #[test]

@@ -206,7 +206,12 @@ fn a_stalled_terminal_never_blocks_mapping() {
     std::thread::sleep(Duration::from_millis(50));
     watched.read();
     let written = watched.written.len();
-    let size = || std::fs::metadata(folder.path().join("trajectory.tum.part")).map_or(0, |file| file.len());
+    // It grows under a temporary name.
+    let size = || {
+        let files = std::fs::read_dir(folder.path()).unwrap().map(Result::unwrap);
+        let growing = files.filter(|file| file.file_name().to_string_lossy().starts_with(".trajectory.tum."));
+        growing.map(|file| file.metadata().map_or(0, |file| file.len())).sum::<u64>()
+    };
     let (before, end) = (size(), Instant::now() + Duration::from_secs(30));
     while size() < before + 10_000 {
         assert!(Instant::now() < end, "the session stands still");

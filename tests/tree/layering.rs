@@ -19,7 +19,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("crates/publish", &["core", "files", "metrics"]),
     // The simulator shares geometry and codec with the estimator, never its models: see `FORBIDDEN`.
     ("crates/sim", &["protocol", "core", "capture"]),
-    ("crates/eval", &["protocol", "core", "capture", "metrics", "paper", "publish", "sim"]),
+    ("crates/eval", &["protocol", "core", "capture", "files", "metrics", "paper", "publish", "sim"]),
     ("crates/export", &["core", "files"]),
     ("crates/viewer", &["core", "metrics"]),
     ("crates/testkit", ANYTHING),

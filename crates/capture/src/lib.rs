@@ -8,6 +8,7 @@
 #![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
 #![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
 
+mod foreign;
 mod reader;
 mod writer;
 
@@ -68,6 +69,26 @@ pub enum CaptureError {
         /// Its first bytes in hexadecimal.
         found: String,
     },
+    /// The file has no bytes.
+    #[error("{} is empty, and no capture", .0.display())]
+    Empty(PathBuf),
+    /// Another program's MCAP file.
+    #[error("{} is {what}, no capture of slamd: it has no {RECEIVED_TOPIC}{hint}", path.display())]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+        /// What it is instead.
+        what: String,
+        /// What to do.
+        hint: &'static str,
+    },
+    /// A capture without its description.
+    #[error(
+        "{}: its metadata record `slamd` is missing, and with it the robot's configuration: another program has rewritten the capture; \
+         use the original, or keep the metadata (`mcap filter --include-metadata`)",
+        .0.display()
+    )]
+    Undescribed(PathBuf),
     /// A record is earlier than the one before it.
     #[error("{}: time runs back from {before_s:.6} s to {at_s:.6} s", path.display())]
     TimeRunsBack {

@@ -3,6 +3,7 @@
 //! A chunk is used only if its checksum is right. If the file is cut or damaged, the reader returns
 //! everything before the damage, and [`CaptureReader::damage`] says what is missing.
 
+use super::foreign::{MAX_TOPICS, Seen};
 use super::{CaptureError, CaptureInfo, METADATA_NAME, RECEIVED_TOPIC, Record, SENT_TOPIC, TRUTH_TOPIC, TruthMessage};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use mcap::records::{ChunkHeader, Record as McapRecord};
@@ -28,6 +29,11 @@ pub struct CaptureReader<R: Read = BufReader<File>> {
     last: Timestamp,
     damage: Option<String>,
     finished: bool,
+    /// The MCAP profile, once it is known.
+    profile: Option<String>,
+    is_described: bool,
+    /// The first topics.
+    topics: Vec<String>,
 }
 
 #[derive(Clone, Copy)]
@@ -41,8 +47,8 @@ impl CaptureReader {
     /// Opens a capture and reads its description.
     ///
     /// # Errors
-    /// When the file cannot be read or is not an MCAP file. A truncated file is no error, even an empty
-    /// one: the recorder may have been killed at any time.
+    /// When the file cannot be read, is empty, or is not a capture. A truncated capture is no error: the recorder may have been killed at
+    /// any time.
     pub fn open(path: &Path) -> Result<Self, CaptureError> {
         let file = File::open(path).map_err(|source| CaptureError::Io { path: path.into(), source })?;
         Self::begin(BufReader::new(file), path)
@@ -62,6 +68,9 @@ impl<R: Read> CaptureReader<R> {
             let hex: Vec<String> = magic.iter().map(|byte| format!("{byte:02x}")).collect();
             return Err(CaptureError::NotMcap { path: path.into(), found: hex.join(" ") });
         }
+        if magic.is_empty() {
+            return Err(CaptureError::Empty(path.into()));
+        }
         let options = LinearReaderOptions::default()
             .with_skip_start_magic(true)
             .with_emit_chunks(true)
@@ -77,12 +86,24 @@ impl<R: Read> CaptureReader<R> {
             last: Timestamp::default(),
             damage: None,
             finished: false,
+            profile: None,
+            is_described: false,
+            topics: Vec::new(),
         };
         if magic.len() < MAGIC.len() {
             reader.stop(McapError::UnexpectedEof)?;
         }
         // The description precedes the first record.
-        if let Some(first) = reader.advance()? {
+        let first = reader.advance();
+        if !reader.is_described {
+            let seen = Seen {
+                profile: reader.profile.as_deref(),
+                topics: &reader.topics,
+                is_compressed: matches!(first, Err(CaptureError::Compressed { .. })),
+            };
+            seen.complaint(path).map_or(Ok(()), Err)?;
+        }
+        if let Some(first) = first? {
             reader.pending.push_front(first);
         }
         Ok(reader)
@@ -163,18 +184,26 @@ impl<R: Read> CaptureReader<R> {
 
     fn take(&mut self, record: McapRecord<'_>) -> Result<(), CaptureError> {
         match record {
+            McapRecord::Header(header) => self.profile = Some(header.profile),
             McapRecord::Metadata(metadata) if metadata.name == METADATA_NAME => {
+                self.is_described = true;
                 self.info = CaptureInfo::from_metadata(metadata.metadata);
             }
             McapRecord::Channel(channel) => {
                 if let Some(topic) = Topic::from_name(&channel.topic) {
                     self.channels.insert(channel.id, topic);
                 }
+                if self.topics.len() < MAX_TOPICS {
+                    self.topics.push(channel.topic);
+                }
             }
             McapRecord::Message { header, data } => {
                 if let Some(&topic) = self.channels.get(&header.channel_id) {
                     let record = self.record(topic, Timestamp::from_us(header.log_time / 1000), data.into_owned())?;
                     self.pending.push_back(record);
+                } else if !self.is_described {
+                    // Another program's file may be long.
+                    self.finished = true;
                 }
             }
             McapRecord::Unknown { opcode, .. } if opcode < PRIVATE_OPCODES => {

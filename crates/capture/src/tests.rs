@@ -156,6 +156,7 @@ fn times_that_run_back_are_refused_by_writer_and_reader() {
     drop(writer);
 
     let mut foreign = mcap::Writer::new(fs::File::create(&path).unwrap()).unwrap();
+    foreign.write_metadata(&info().to_metadata()).unwrap();
     let channel_id = foreign.add_channel(0, RECEIVED_TOPIC, "x", &BTreeMap::new()).unwrap();
     for log_time in [5_000_000_000, 4_000_000_000] {
         let header = mcap::records::MessageHeader { channel_id, sequence: 0, log_time, publish_time: log_time };
@@ -175,11 +176,44 @@ fn a_file_that_is_no_capture_is_refused_with_its_name() {
     let error = CaptureReader::open(&path).err().unwrap().to_string();
     assert!(error.contains("notes.txt: not an MCAP file: it begins with 68 65 6c 6c 6f"), "{error}");
     // The recorder may be killed before its first byte is written.
-    for cut in 0..8 {
+    fs::write(&path, "").unwrap();
+    let error = CaptureReader::open(&path).err().unwrap().to_string();
+    assert!(error.ends_with("notes.txt is empty, and no capture"), "{error}");
+    for cut in 1..8 {
         fs::write(&path, &mcap::MAGIC[..cut]).unwrap();
         let (records, reader) = read(&path);
         assert!(records.is_empty() && reader.damage().unwrap().contains("was not finished"));
     }
     let error = CaptureReader::open(&folder.path().join("absent")).err().unwrap().to_string();
     assert!(error.contains("absent: "), "{error}");
+}
+
+/// Writes an MCAP file of another program with one message on `topic`.
+fn foreign(path: &Path, profile: &str, topic: &str) -> String {
+    let options = mcap::WriteOptions::new().profile(profile).compression(None);
+    let mut writer = options.create(fs::File::create(path).unwrap()).unwrap();
+    let channel_id = writer.add_channel(0, topic, "cdr", &BTreeMap::new()).unwrap();
+    let header = mcap::records::MessageHeader { channel_id, sequence: 0, log_time: 1, publish_time: 1 };
+    writer.write_to_known_channel(&header, b"x").unwrap();
+    writer.finish().unwrap();
+    CaptureReader::open(path).err().unwrap().to_string()
+}
+
+#[test]
+fn other_mcap_files_are_named_as_what_they_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bag.mcap");
+    let error = foreign(&path, "ros2", "/scan");
+    assert!(error.contains("bag.mcap is a ROS 2 bag (profile ros2), no capture of slamd: it has no /serial/rx; it may be what `slamd export`"), "{error}");
+    assert!(foreign(&path, "px4", "/imu").contains("another program's MCAP file (profile px4)"));
+    assert!(foreign(&path, "", "/imu").contains("another program's MCAP file (/imu)"));
+    for profile in ["", "slamd", "ros2"] {
+        let error = foreign(&path, profile, RECEIVED_TOPIC);
+        assert!(error.contains("its metadata record `slamd` is missing"), "{error}");
+    }
+    // A recorder that was killed after the header.
+    let mut writer = mcap::WriteOptions::new().profile("slamd").create(fs::File::create(&path).unwrap()).unwrap();
+    writer.flush().unwrap();
+    std::mem::forget(writer);
+    assert!(read(&path).0.is_empty());
 }

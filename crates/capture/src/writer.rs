@@ -5,7 +5,7 @@ use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 use mcap::{McapError, WriteOptions, Writer};
 use slamd_core::{Pose2, Timestamp};
-use slamd_files::private;
+use slamd_files::{Output, PartFile, WriteError, private};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -57,6 +57,32 @@ impl CaptureWriter {
         self.end()?;
         let file = self.writer.into_inner().into_inner().into_inner().map_err(std::io::IntoInnerError::into_error);
         file.and_then(|file| file.sync_all()).map_err(|source| CaptureError::Io { path: self.path, source })
+    }
+}
+
+impl CaptureWriter<PartFile> {
+    /// Begins a capture that appears when it is complete.
+    ///
+    /// # Errors
+    /// When the file cannot be created or written.
+    pub fn output(output: Output, info: &CaptureInfo) -> Result<Self, CaptureError> {
+        let path = output.path().to_owned();
+        Self::begin(output.begin()?, &path, info)
+    }
+
+    /// Writes the summary and gives the file its name.
+    ///
+    /// # Errors
+    /// When the file cannot be written. Then nothing is left of it, and an older file of that name is unchanged.
+    pub fn finish(mut self) -> Result<(), CaptureError> {
+        self.end()?;
+        Ok(self.writer.into_inner().into_inner().finish().map(drop)?)
+    }
+}
+
+impl From<WriteError> for CaptureError {
+    fn from(error: WriteError) -> Self {
+        Self::Io { path: error.path, source: error.source }
     }
 }
 

@@ -9,7 +9,7 @@ use super::file::{BagError, BagFile, Topic};
 use super::message::{self, BASE, MAP, ODOM, Stamp, Transform, sonar};
 use super::odometry::Wheels;
 use slamd_core::{Beam, Config, Estimate, Event, Mounting, Pipeline, Pose2, Ring, Sweep, Timestamp};
-use std::path::Path;
+use slamd_files::{CompleteFile, Output};
 use std::time::Duration;
 
 /// A bag being written.
@@ -35,9 +35,9 @@ impl Bag {
     ///
     /// # Errors
     /// When the file cannot be created.
-    pub fn create(path: &Path, config: &Config, unix_zero_us: Option<u64>) -> Result<Self, BagError> {
+    pub fn create(output: Output, config: &Config, unix_zero_us: Option<u64>) -> Result<Self, BagError> {
         Ok(Self {
-            file: BagFile::create(path)?,
+            file: BagFile::create(output)?,
             unix_zero_us: unix_zero_us.unwrap_or_default(),
             limits_m: [config.ring.min_range_m, config.ring.max_range_m],
             ring: Ring::default(),
@@ -79,14 +79,14 @@ impl Bag {
         }
     }
 
-    /// Writes the last map and renames the file. Returns the numbers of messages and topics.
+    /// Writes the last map and completes the file, which has no name yet. Returns it with the numbers of messages and topics.
     ///
     /// # Errors
     /// When the file cannot be written. It is then absent.
-    pub fn finish(mut self, now: Timestamp, pipeline: &Pipeline) -> Result<(u64, usize), BagError> {
+    pub fn complete(mut self, now: Timestamp, pipeline: &Pipeline) -> Result<(CompleteFile, u64, usize), BagError> {
         self.now = now;
         self.write_map(pipeline)?;
-        self.file.finish()
+        self.file.complete()
     }
 
     fn write_mountings(&mut self, pipeline: &Pipeline) -> Result<(), BagError> {

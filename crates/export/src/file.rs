@@ -6,7 +6,7 @@ use super::schema::definition;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::write::NoSeek;
 use mcap::{McapError, WriteOptions, Writer};
-use slamd_files::{PartFile, WriteError};
+use slamd_files::{CompleteFile, Output, PartFile, WriteError};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -97,10 +97,10 @@ const VOLATILE: u8 = 2;
 const AUTOMATIC: u8 = 1;
 
 impl BagFile {
-    pub(super) fn create(path: &Path) -> Result<Self, BagError> {
-        let file = PartFile::create(path)?;
-        let writer = begin(file).map_err(|error| bag_error(path, error))?;
-        Ok(Self { path: path.into(), writer, channels: BTreeMap::new() })
+    pub(super) fn create(output: Output) -> Result<Self, BagError> {
+        let path = output.path().to_owned();
+        let writer = begin(output.begin()?).map_err(|error| bag_error(&path, error))?;
+        Ok(Self { path, writer, channels: BTreeMap::new() })
     }
 
     /// Writes a message that was ready at `ready`. Times must not decrease.
@@ -119,12 +119,12 @@ impl BagFile {
         writer.write_to_known_channel(&header, message).map_err(|error| bag_error(path, error))
     }
 
-    /// Completes and renames the file. Returns the numbers of messages and topics.
-    pub(super) fn finish(mut self) -> Result<(u64, usize), BagError> {
+    /// Completes the file, which has no name yet. Returns it with the numbers of messages and topics.
+    pub(super) fn complete(mut self) -> Result<(CompleteFile, u64, usize), BagError> {
         self.writer.finish().map_err(|error| bag_error(&self.path, error))?;
-        self.writer.into_inner().into_inner().finish()?;
+        let file = self.writer.into_inner().into_inner().complete()?;
         let messages = self.channels.values().map(|channel| u64::from(channel.messages)).sum();
-        Ok((messages, self.channels.len()))
+        Ok((file, messages, self.channels.len()))
     }
 }
 

@@ -2,7 +2,8 @@
 
 use super::WriteError;
 use slamd_core::{EncoderEvent, EncoderState, FaultEvent, SensorState};
-use slamd_files::PartFile;
+use slamd_files::{CompleteFile, PartFile};
+use std::fs::File;
 use std::path::Path;
 
 /// The file being written.
@@ -25,8 +26,13 @@ impl FaultLog {
         self.file.append(encoder_line(encoder).as_bytes());
     }
 
-    pub(super) fn finish(self) -> Result<(), WriteError> {
-        self.file.finish().map(drop)
+    /// Gives the file its name while it grows.
+    pub(super) fn publish(&mut self) -> Result<File, WriteError> {
+        self.file.publish()
+    }
+
+    pub(super) fn complete(self) -> Result<CompleteFile, WriteError> {
+        self.file.complete()
     }
 }
 

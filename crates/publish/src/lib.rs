@@ -1,7 +1,9 @@
 //! The output folder: maps, trajectories, faults and a summary, each file whole or absent.
 
+mod checkpoint;
 mod ending;
 mod fault_log;
+mod folder;
 mod localization_log;
 mod map_file;
 mod model_log;
@@ -12,25 +14,28 @@ mod summary;
 mod track;
 mod trajectory;
 
+pub use checkpoint::Checkpoint;
+pub use folder::{FolderError, RESULTS, Source};
 pub use map_file::{FREE_PERCENT, OCCUPIED_PERCENT, grey, grey_png, write_map};
 pub use model_log::{ModelReport, Remedy};
 pub use pose_table::PoseTable;
 pub use sketch::{Sketch, Surroundings};
 pub use slamd_files::WriteError;
-use slamd_files::write_file;
+use slamd_files::{CompleteFile, OutputGuard, complete_file};
 pub use summary::{EncoderFault, KnownMapPosition, Latency, Summary};
 pub use trajectory::Trajectory;
 
 use fault_log::FaultLog;
+use folder::ResultFolder;
 use localization_log::LockLog;
+use map_file::map_files;
 use slamd_core::{
     Calibration, Config, Counters, EncoderState, Event, LocalizationChange, Pose2, Raster, Ring, SensorState,
     Timestamp, Waiting, Wheel,
 };
-use slamd_files::private;
 use slamd_metrics::{AccuracyMeter, FaultMeter, TrueFault};
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Duration;
 use summary::Timings;
 use track::Track;
@@ -57,9 +62,9 @@ pub struct FinalState<'a> {
     pub ended: Timestamp,
 }
 
-/// The files of one run. Trajectories and faults are written while it goes on, as `NAME.part`; memory stays constant.
+/// The files of one run. Trajectories and faults are written while it goes on, under temporary names; memory stays constant.
 pub struct Outputs {
-    folder: PathBuf,
+    folder: ResultFolder,
     trajectory: Trajectory,
     odometry: Trajectory,
     truth: Option<Trajectory>,
@@ -78,19 +83,28 @@ pub struct Outputs {
 }
 
 impl Outputs {
-    /// Creates the folder, if it is not there, and begins the files.
+    /// Creates the folder, if it is not there, and begins the files. Earlier results are replaced at the end.
     ///
     /// # Errors
-    /// When something cannot be created.
-    pub fn create(folder: &Path) -> Result<Self, WriteError> {
-        private::create_folder(folder).map_err(|source| WriteError { path: folder.into(), source })?;
+    /// When another run uses the folder, or something cannot be created.
+    pub fn create(folder: &Path) -> Result<Self, FolderError> {
+        Self::begin(folder, Source::default(), &OutputGuard::new(true))
+    }
+
+    /// Creates the folder, if it is not there, and begins the files of a run from `source`. Until [`Outputs::checkpoint`] or
+    /// [`Outputs::finish`] nothing that the folder holds is changed.
+    ///
+    /// # Errors
+    /// When another run uses the folder, it holds what must be kept, a file in it is an input, or something cannot be created.
+    pub fn begin(folder: &Path, source: Source, guard: &OutputGuard) -> Result<Self, FolderError> {
+        let results = ResultFolder::open(folder, source, guard)?;
         Ok(Self {
-            folder: folder.into(),
+            folder: results,
             trajectory: Trajectory::create(&folder.join("trajectory.tum"))?,
             odometry: Trajectory::create(&folder.join("odometry.tum"))?,
-            truth: None,
             fault_log: FaultLog::create(folder)?,
             lock_log: LockLog::create(folder)?,
+            truth: None,
             sketch: Sketch::default(),
             truth_path: Track::default(),
             accuracy: AccuracyMeter::default(),
@@ -159,7 +173,7 @@ impl Outputs {
     /// When the file cannot be created.
     pub fn truth(&mut self, at: Timestamp, pose: Pose2) -> Result<(), WriteError> {
         if self.truth.is_none() {
-            self.truth = Some(Trajectory::create(&self.folder.join("truth.tum"))?);
+            self.truth = Some(Trajectory::create(&self.folder.path().join("truth.tum"))?);
         }
         if let Some(truth) = &mut self.truth {
             truth.append(at, pose);
@@ -185,12 +199,62 @@ impl Outputs {
         self.delays.latency()
     }
 
-    /// Writes the map, the picture and the summary and gives every file its name; `summary.json` comes last.
+    /// Writes the map, the picture and the summary and gives every file its name; `summary.json` comes last. Earlier results are
+    /// replaced together, after all files are complete. Where nothing was mapped, an earlier map is kept with all that belongs to it.
     ///
     /// # Errors
-    /// When a file cannot be written.
-    pub fn finish(self, state: &FinalState<'_>) -> Result<Summary, WriteError> {
+    /// When a file cannot be written. Then the folder is as it was at the last checkpoint.
+    pub fn finish(mut self, state: &FinalState<'_>) -> Result<Summary, WriteError> {
+        let mut summary = self.summary(state);
+        let path = self.folder.path().to_owned();
+        // Free space alone is no map: the files must not look like one.
+        let (empty, is_empty) =
+            (Raster::default(), summary.nothing_mapped.is_some() && !ending::has_marks(state.raster));
+        let raster = if is_empty { &empty } else { state.raster };
+        let known = raster.occupancy.iter().filter(|percent| **percent != Raster::UNKNOWN).count();
+        summary.map_m2 = known as f64 * raster.cell_m * raster.cell_m;
+        let [pgm, yaml] = map_files(&path, "map", raster)?;
+        let picture =
+            self.picture(state, &summary).map_err(|source| WriteError { path: path.join("map.png"), source })?;
+        let trajectory = self.trajectory.complete()?;
+        summary.map_sha256 = pgm.sha256().into();
+        summary.trajectory_sha256 = trajectory.sha256().into();
+        let truth = self.truth.map(Trajectory::complete).transpose()?;
+        let has_truth = truth.is_some();
+        let files: Vec<CompleteFile> = [
+            pgm,
+            yaml,
+            complete_file(&path, "map.png", &picture)?,
+            complete_file(&path, "config.toml", state.config.to_toml().as_bytes())?,
+            trajectory,
+            self.odometry.complete()?,
+            self.fault_log.complete()?,
+            self.lock_log.complete()?,
+        ]
+        .into_iter()
+        .chain(truth)
+        .collect();
+        let summary_file = complete_file(&path, "summary.json", summary.to_json().as_bytes())?;
+        if summary.nothing_mapped.is_some() && self.folder.has_earlier_map() {
+            summary.remark = Some(format!("{}: the map of an earlier run is kept", path.display()));
+            return Ok(summary);
+        }
+        if let Some(moved) = self.folder.take()? {
+            summary.remark = Some(format!("the results of the drive before are now in {}", moved.display()));
+        }
+        let written =
+            RESULTS.iter().copied().filter(|name| *name != "summary.json" && (has_truth || *name != "truth.tum"));
+        self.folder.remove_others(&written.collect::<Vec<_>>())?;
+        for file in files.into_iter().chain([summary_file]) {
+            file.name()?;
+        }
+        Ok(summary)
+    }
+
+    /// All of the summary but the hashes and the area of the map.
+    fn summary(&self, state: &FinalState<'_>) -> Summary {
         let mut summary = Summary::new(state.counters);
+        summary.source = self.folder.source().clone();
         summary.calibration = state.calibration;
         summary.position.clone_from(&self.position);
         summary.encoder_faults = self.encoders.iter().flatten().cloned().collect();
@@ -207,24 +271,7 @@ impl Outputs {
         summary.faults = self.faults.as_ref().map(|meter| meter.detection().score());
         (summary.mean_us_per_sweep, summary.p99_us_per_sweep) = self.timings.mean_and_p99_us().unzip();
         summary.latency = self.latency();
-        // Free space alone is no map: the files must not look like one.
-        let (empty, is_empty) =
-            (Raster::default(), summary.nothing_mapped.is_some() && !ending::has_marks(state.raster));
-        let raster = if is_empty { &empty } else { state.raster };
-        let known = raster.occupancy.iter().filter(|percent| **percent != Raster::UNKNOWN).count();
-        summary.map_m2 = known as f64 * raster.cell_m * raster.cell_m;
-        summary.map_sha256 = write_map(&self.folder, "map", raster)?;
-        let picture =
-            self.picture(state, &summary).map_err(|source| WriteError { path: self.folder.join("map.png"), source })?;
-        write_file(&self.folder, "map.png", &picture)?;
-        write_file(&self.folder, "config.toml", state.config.to_toml().as_bytes())?;
-        summary.trajectory_sha256 = self.trajectory.finish()?;
-        self.odometry.finish()?;
-        self.truth.map(Trajectory::finish).transpose()?;
-        self.fault_log.finish()?;
-        self.lock_log.finish()?;
-        write_file(&self.folder, "summary.json", summary.to_json().as_bytes())?;
-        Ok(summary)
+        summary
     }
 
     fn picture(&self, state: &FinalState<'_>, summary: &Summary) -> io::Result<Vec<u8>> {

@@ -2,7 +2,8 @@
 
 use super::WriteError;
 use slamd_core::{LocalizationChange, LocalizationEvent, Timestamp};
-use slamd_files::PartFile;
+use slamd_files::{CompleteFile, PartFile};
+use std::fs::File;
 use std::path::Path;
 
 /// The file being written, and what it comes to.
@@ -58,12 +59,17 @@ impl LockLog {
         self.open_since
     }
 
-    /// Closes the file. Poses that are uncertain to the end get a line without a time.
-    pub(super) fn finish(mut self) -> Result<(), WriteError> {
+    /// Gives the file its name while it grows.
+    pub(super) fn publish(&mut self) -> Result<File, WriteError> {
+        self.file.publish()
+    }
+
+    /// Completes the file. Poses that are uncertain to the end get a line without a time.
+    pub(super) fn complete(mut self) -> Result<CompleteFile, WriteError> {
         if let Some(since) = self.open_since {
             self.file.append(format!(",open,{:.6}\n", since.seconds()).as_bytes());
         }
-        self.file.finish().map(drop)
+        self.file.complete()
     }
 }
 
@@ -84,7 +90,7 @@ mod tests {
         event(32, 30, LocalizationChange::Lost);
         assert!((log.uncertain_s(Some(at(100))) - 80.0).abs() < 1e-9);
         assert_eq!((log.losses(), log.open_since()), (2, Some(at(30))));
-        log.finish().unwrap();
+        log.complete().unwrap().name().unwrap();
         let text = std::fs::read_to_string(folder.path().join("lock.csv")).unwrap();
         assert_eq!(text.lines().last(), Some(",open,30.000000"));
         assert_eq!(text.lines().nth(2), Some("20.000000,regained,10.000000"));

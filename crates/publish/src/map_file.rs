@@ -5,7 +5,7 @@
 
 use super::WriteError;
 use slamd_core::Raster;
-use slamd_files::write_file;
+use slamd_files::{CompleteFile, complete_file};
 use std::path::Path;
 
 /// Occupied from here on, percent.
@@ -18,9 +18,18 @@ pub const FREE_PERCENT: i8 = 19;
 /// # Errors
 /// When one of them cannot be written.
 pub fn write_map(folder: &Path, name: &str, raster: &Raster) -> Result<String, WriteError> {
-    let sha256 = write_file(folder, &format!("{name}.pgm"), &pgm(raster))?;
-    write_file(folder, &format!("{name}.yaml"), yaml(name, raster).as_bytes())?;
+    let [pgm, yaml] = map_files(folder, name, raster)?;
+    let sha256 = pgm.name()?;
+    yaml.name()?;
     Ok(sha256)
+}
+
+/// The same two files, still under temporary names.
+pub(super) fn map_files(folder: &Path, name: &str, raster: &Raster) -> Result<[CompleteFile; 2], WriteError> {
+    Ok([
+        complete_file(folder, &format!("{name}.pgm"), &pgm(raster))?,
+        complete_file(folder, &format!("{name}.yaml"), yaml(name, raster).as_bytes())?,
+    ])
 }
 
 /// A binary PGM; a raster without cells becomes one unknown cell, because readers refuse empty pictures.

@@ -2,8 +2,7 @@
 
 use super::WriteError;
 use slamd_core::Estimate;
-use slamd_files::PartFile;
-use std::path::Path;
+use slamd_files::{CompleteFile, Output, PartFile};
 
 /// A table being written; memory stays constant however long the run.
 pub struct PoseTable {
@@ -13,12 +12,12 @@ pub struct PoseTable {
 const HEAD: &str = "time_s,x_m,y_m,theta_rad,variance_x_m2,variance_y_m2,variance_theta_rad2\n";
 
 impl PoseTable {
-    /// Begins the file that will be `path`.
+    /// Begins the file.
     ///
     /// # Errors
     /// When it cannot be created.
-    pub fn create(path: &Path) -> Result<Self, WriteError> {
-        let mut file = PartFile::create(path)?;
+    pub fn begin(output: Output) -> Result<Self, WriteError> {
+        let mut file = output.begin()?;
         file.append(HEAD.as_bytes());
         Ok(Self { file })
     }
@@ -28,12 +27,12 @@ impl PoseTable {
         self.file.append(line(estimate).as_bytes());
     }
 
-    /// Gives the file its name.
+    /// Completes the file; it has no name yet.
     ///
     /// # Errors
-    /// When something of it could not be written; then it has no name.
-    pub fn finish(self) -> Result<(), WriteError> {
-        self.file.finish().map(drop)
+    /// When something of it could not be written.
+    pub fn complete(self) -> Result<CompleteFile, WriteError> {
+        self.file.complete()
     }
 }
 

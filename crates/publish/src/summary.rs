@@ -1,6 +1,6 @@
 //! `summary.json`: a run in a few numbers, keys always in the same order.
 
-use super::ModelReport;
+use super::{ModelReport, Source};
 use hdrhistogram::Histogram;
 use serde::Serialize;
 use slamd_core::{Calibration, Counters, EncoderEvent, KnownMapSearch, SearchState};
@@ -59,6 +59,11 @@ pub struct Summary {
     pub model: Vec<ModelReport>,
     /// Result of the search for the pose in a known map; none if there was no search.
     pub position: Option<KnownMapPosition>,
+    /// What the results were made from.
+    pub source: Source,
+    /// What became of the folder's earlier results, a sentence for people.
+    #[serde(skip)]
+    pub remark: Option<String>,
     /// Errors against the true path, where it is known.
     #[serde(flatten)]
     pub accuracy: Option<Accuracy>,
@@ -155,6 +160,8 @@ impl Summary {
             encoder_faults: Vec::new(),
             model: Vec::new(),
             position: None,
+            source: Source::default(),
+            remark: None,
             accuracy: None,
             faults: None,
         }

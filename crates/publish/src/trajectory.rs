@@ -2,7 +2,8 @@
 
 use super::WriteError;
 use slamd_core::{Pose2, Timestamp};
-use slamd_files::PartFile;
+use slamd_files::{CompleteFile, Output, PartFile};
+use std::fs::File;
 use std::path::Path;
 
 /// A trajectory being written; memory stays constant however long the run.
@@ -11,12 +12,20 @@ pub struct Trajectory {
 }
 
 impl Trajectory {
-    /// Begins the file that will be `path`.
+    /// Begins a file in an output folder.
     ///
     /// # Errors
     /// When it cannot be created.
-    pub fn create(path: &Path) -> Result<Self, WriteError> {
+    pub(super) fn create(path: &Path) -> Result<Self, WriteError> {
         Ok(Self { file: PartFile::create(path)? })
+    }
+
+    /// Begins a file that the user named.
+    ///
+    /// # Errors
+    /// When it cannot be created.
+    pub fn begin(output: Output) -> Result<Self, WriteError> {
+        Ok(Self { file: output.begin()? })
     }
 
     /// Adds a pose.
@@ -24,12 +33,17 @@ impl Trajectory {
         self.file.append(line(at, pose).as_bytes());
     }
 
-    /// Gives the file its name and returns its SHA-256.
+    /// Gives the file its name while it grows.
+    pub(super) fn publish(&mut self) -> Result<File, WriteError> {
+        self.file.publish()
+    }
+
+    /// Completes the file; it has no name yet.
     ///
     /// # Errors
-    /// When something of it could not be written; then it has no name.
-    pub fn finish(self) -> Result<String, WriteError> {
-        self.file.finish()
+    /// When something of it could not be written.
+    pub fn complete(self) -> Result<CompleteFile, WriteError> {
+        self.file.complete()
     }
 }
 

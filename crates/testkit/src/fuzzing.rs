@@ -10,7 +10,8 @@ use mutation::Mutator;
 use slamd::session_file;
 use slamd_capture::{CaptureInfo, CaptureWriter, Record};
 use slamd_core::{Config, Method, Pipeline, SavedState};
-use slamd_eval::import::{carmen, ring};
+use slamd_eval::import::{Options, carmen, ring};
+use slamd_files::OutputGuard;
 use slamd_protocol::FrameDecoder;
 use slamd_sim::fault::FaultMix;
 use slamd_sim::link::LinkFaults;
@@ -175,12 +176,14 @@ impl Corpus {
                 let capture = folder.join("imported.mcap");
                 let text = if kind == Kind::Ring { &self.ring } else { &self.carmen };
                 let text = mutator.text(text);
+                let output = OutputGuard::new(true).output(&capture).expect("it can be written");
                 let import = if kind == Kind::Ring {
-                    ring::import(text.as_bytes(), "fuzz", &config, &capture)
+                    ring::read(text.as_bytes(), "fuzz", &config, &Options::default())
                 } else {
-                    carmen::import(text.as_bytes(), "fuzz", &config, &capture)
+                    carmen::read(text.as_bytes(), "fuzz", &config, &Options::default())
                 };
-                import.is_ok() && read_capture(&std::fs::read(&capture).expect("it was written"))
+                import.and_then(|drive| drive.write(output)).is_ok()
+                    && read_capture(&std::fs::read(&capture).expect("it was written"))
             }
         };
         Outcome { accepted, ..Outcome::default() }

@@ -56,6 +56,16 @@ impl HowArgs {
         Ok(Config { method: self.method.map_or(config.method, Method::from), ..config })
     }
 
+    /// The configuration file of the command line.
+    pub(super) fn named(&self) -> Option<&Path> {
+        self.config.as_deref()
+    }
+
+    /// The configuration files of a robot.
+    pub(super) fn files_of_robot(&self) -> Result<Vec<PathBuf>, Failure> {
+        files::files(self.named(), &files::default_paths())
+    }
+
     fn effective(&self) -> Result<Effective, Failure> {
         let mut layers = robot_layers(self.config.as_deref())?;
         if let Some(method) = self.method.and_then(|method| method.to_possible_value()) {

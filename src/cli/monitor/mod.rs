@@ -7,7 +7,7 @@ mod screen;
 
 use super::run::{LiveArgs, runtime};
 use super::{Failure, Kind, OutputArgs, api, replay, terminal};
-use crate::daemon::{DaemonError, Shutdown};
+use crate::daemon::Shutdown;
 use crate::monitor::{Line, Look};
 use crate::port::PortName;
 use clap::{ArgGroup, Args};
@@ -18,7 +18,6 @@ use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tokio::runtime::Runtime;
-use tokio::signal::unix::{SignalKind, signal};
 
 const HELP: &str = "Examples:
   slamd monitor --port auto --record drive.mcap
@@ -68,7 +67,6 @@ impl MonitorArgs {
         let runtime = runtime()?;
         let _guard = runtime.enter();
         let shutdown = Shutdown::new(self.duration.map(Duration::from_secs_f64))?;
-        end_on_hangup(&shutdown)?;
         match (&self.capture, &self.port) {
             (Some(capture), _) => self.play(capture, log, &runtime, shutdown),
             (None, Some(port)) => self.watch(port, log, &runtime, shutdown),
@@ -93,19 +91,30 @@ impl MonitorArgs {
     }
 
     fn play(&self, file: &Path, log: Log, runtime: &Runtime, mut shutdown: Shutdown) -> Result<(), Failure> {
-        let (mut capture, mut session) = replay::open(file, &self.live.state, &self.output.how, &self.output.out)?;
+        let saves = self.live.state.outputs(self.output.guard_of_recording(file))?;
+        // A capture that is only looked at leaves nothing behind, unless the user names a folder.
+        let temporary = tempfile::tempdir().map_err(|error| {
+            Failure::new(
+                Kind::CantCreate,
+                format!("a temporary folder: {error}; name one that can be written in TMPDIR"),
+            )
+        })?;
+        let folder = self.output.out.as_deref();
+        let outputs = replay::outputs(file, folder.unwrap_or_else(|| temporary.path()), &saves.guard)?;
+        let (mut capture, mut session) = replay::open(file, &self.live.state, &self.output.how, outputs)?;
         let mut screen = self.screen(log, &shutdown)?;
         let mut sampler = Sampler::new(session.config(), screen.slot());
         let play = play::play(&mut capture, &mut session, self.speed, &mut shutdown, &mut sampler, file);
         let result = runtime.block_on(play);
-        let saved = self.live.state.save(self.live.state.saver(), &session);
+        let saver = saves.saver();
+        let saved = saves.save(saver, &session);
         let finished = session.finish();
         if !screen.close() {
             return Ok(());
         }
         result?;
         let (summary, faulty) = finished?;
-        let ending = terminal::report(&summary, &faulty, &self.output.out, self.output.json);
+        let ending = terminal::report(&summary, &faulty, folder, self.output.json);
         // A capture may be left before it has a map.
         if let Err(nothing) = ending {
             terminal::say(nothing);
@@ -135,17 +144,6 @@ fn usable() -> Result<(), Failure> {
 
 fn instead() -> &'static str {
     "`slamd --port PORT` maps without a screen, `slamd inspect FILE` describes a capture"
-}
-
-/// Ends the session, as Ctrl-C does, when the terminal is closed, for example at the end of an SSH connection. The map is written.
-fn end_on_hangup(shutdown: &Shutdown) -> Result<(), DaemonError> {
-    let mut hangup = signal(SignalKind::hangup()).map_err(DaemonError)?;
-    let asked = shutdown.asked();
-    tokio::spawn(async move {
-        hangup.recv().await;
-        asked.notify_one();
-    });
-    Ok(())
 }
 
 fn speed(text: &str) -> Result<f64, String> {

@@ -8,16 +8,31 @@
 #![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
 #![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
 
+pub mod bag;
 pub mod carmen;
+mod columns;
+mod counts;
+mod drive;
+mod ranges;
 mod recorder;
 pub mod ring;
 mod rows;
+mod sequence;
+mod stamps;
+mod table;
+mod text;
 mod ticks;
-mod units;
+mod times;
 mod wheel_check;
 
+pub use carmen::Scan;
+pub use columns::Columns;
+pub use counts::Counting;
+pub use drive::Drive;
+pub use ranges::RangeUnit;
 pub use recorder::Summary;
 pub use ticks::WheelTicks;
+pub use times::TimeUnit;
 
 use slamd_capture::CaptureError;
 use std::io;
@@ -56,13 +71,21 @@ pub enum ImportError {
         /// What it should hold.
         expected: &'static str,
     },
-    /// The ranges are not metres.
+    /// The recording as a whole is not what it should be.
     #[error("{file}: {problem}")]
-    Unit {
+    Problem {
         /// The recording.
         file: String,
-        /// How many readings cannot be, and what they may be instead.
+        /// What is wrong, and what to do.
         problem: String,
+    },
+    /// Another kind of file.
+    #[error("{file} is {what}")]
+    Foreign {
+        /// The recording.
+        file: String,
+        /// What it is, and what to do.
+        what: &'static str,
     },
     /// The configuration lacks what a recording does not say.
     #[error("the configuration must give {0}: a recording does not say it")]
@@ -70,6 +93,25 @@ pub enum ImportError {
     /// The capture cannot be written.
     #[error(transparent)]
     Capture(#[from] CaptureError),
+}
+
+/// What the user knows of a recording.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// What the columns of a CSV hold.
+    pub columns: Option<Columns>,
+    /// The unit of the ranges; metres if none is given.
+    pub range_unit: Option<RangeUnit>,
+    /// The unit of the stamps; seconds if none is given.
+    pub time_unit: Option<TimeUnit>,
+    /// Readings that mean "no echo".
+    pub no_echo: Vec<f64>,
+    /// How the encoders count; found out if none is given.
+    pub counting: Option<Counting>,
+    /// The run to import, from 1, where the recording has several.
+    pub run: Option<usize>,
+    /// The kind of ranges in a CARMEN log that has several.
+    pub scan: Option<Scan>,
 }
 
 /// One line of a recording, for errors that say where.
@@ -81,13 +123,13 @@ struct SourceLine<'a> {
 
 impl SourceLine<'_> {
     /// The field at `column`, from 0, as a value.
-    fn value<T: FromStr>(self, fields: &[&str], column: usize, expected: &str) -> Result<T, ImportError> {
-        let field = fields.get(column).copied().unwrap_or_default().trim();
+    fn value<T: FromStr>(self, fields: &[impl AsRef<str>], column: usize, expected: &str) -> Result<T, ImportError> {
+        let field = fields.get(column).map(AsRef::as_ref).unwrap_or_default().trim();
         field.parse().map_err(|_| self.error(field, column, expected))
     }
 
     /// The field at `column`, from 0, as a finite number.
-    fn number(self, fields: &[&str], column: usize, expected: &str) -> Result<f64, ImportError> {
+    fn number(self, fields: &[impl AsRef<str>], column: usize, expected: &str) -> Result<f64, ImportError> {
         let value: f64 = self.value(fields, column, expected)?;
         if value.is_finite() { Ok(value) } else { Err(self.error(&value.to_string(), column, expected)) }
     }

@@ -3,13 +3,13 @@
 use super::ImportError;
 use slamd_capture::{CaptureError, CaptureInfo, CaptureWriter};
 use slamd_core::{Config, Mounting, Ring, Timestamp};
+use slamd_files::{Output, PartFile};
 use slamd_protocol::{
     Echo, Encoder, FrameEncoder, Geometry, Hello, Message, Placement, SensorEcho, Sonar, Status, Text, VERSION_MAJOR,
     VERSION_MINOR,
 };
 use std::collections::BTreeSet;
 use std::fmt;
-use std::path::Path;
 
 /// What an import has written.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -57,7 +57,7 @@ impl fmt::Display for Summary {
 
 /// Writes one recording as a capture.
 pub(super) struct Recorder {
-    writer: CaptureWriter,
+    writer: CaptureWriter<PartFile>,
     encoder: FrameEncoder,
     groups: Vec<(u8, Vec<u8>)>,
     sound_m_s: f64,
@@ -67,23 +67,30 @@ pub(super) struct Recorder {
 }
 
 const STEP_BACK_US: u64 = 1_000;
+/// Time between two counts in a pause, seconds.
+const BRIDGE_S: f64 = 60.0;
 
 impl Recorder {
     /// Creates the capture and writes HELLO, GEOMETRY and STATUS.
-    pub(super) fn create(capture: &Path, config: &Config, notes: String) -> Result<Self, ImportError> {
+    pub(super) fn create(
+        capture: Output,
+        config: &Config,
+        notes: String,
+        unix_zero_us: Option<u64>,
+    ) -> Result<Self, ImportError> {
         let ring = config.ring.ring().ok_or(ImportError::Config("ring.circle or ring.sensors"))?;
         let ticks = config.robot.ticks_per_turn.ok_or(ImportError::Config("robot.ticks_per_turn"))?;
         let info = CaptureInfo {
             slamd_version: env!("CARGO_PKG_VERSION").into(),
             protocol_version: format!("{VERSION_MAJOR}.{VERSION_MINOR}"),
             config_toml: config.to_toml(),
-            unix_zero_us: None,
+            unix_zero_us,
             notes,
             faults: None,
         };
         let temperature_cdeg = hundredths(config.ring.temperature_c);
         let mut recorder = Self {
-            writer: CaptureWriter::create(capture, &info)?,
+            writer: CaptureWriter::output(capture, &info)?,
             encoder: FrameEncoder::default(),
             groups: groups(&ring),
             sound_m_s: 331.3 + 0.606 * 1e-2 * f64::from(temperature_cdeg),
@@ -167,6 +174,18 @@ impl Recorder {
         self.summary.encoder_rows += 1;
         let t_us = self.clock_us();
         self.write(&Message::Encoder(Encoder { t_us, left_ticks, right_ticks, flags: 0 }))
+    }
+
+    /// Stands still through a pause. A board's clock wraps after 71 minutes, so it must be heard of more often than that.
+    pub(super) fn bridge(&mut self, from_s: f64, to_s: f64, ticks: [i32; 2]) -> Result<(), CaptureError> {
+        let mut at_s = from_s + BRIDGE_S;
+        while at_s < to_s {
+            self.advance(at_s);
+            self.encoders(ticks)?;
+            self.summary.encoder_rows -= 1;
+            at_s += BRIDGE_S;
+        }
+        Ok(())
     }
 
     pub(super) fn finish(self) -> Result<Summary, CaptureError> {

@@ -1,140 +1,191 @@
 //! The ring CSV: one row per sweep, `t_s,left_ticks,right_ticks,r0,r1,…`.
 //!
-//! Seconds, absolute encoder ticks and metres per sensor: empty or `nan` is no measurement, `inf` is no echo. Ranges are taken as they
-//! stand; what exceeds the configured range is the pipeline's affair, but a recording of which hardly a reading lies within it is
-//! refused, because it is in another unit.
+//! Seconds, absolute encoder ticks and metres per sensor: empty or `nan` is no measurement, `inf` is no echo. Encodings, separators,
+//! units and further habits are read as they are found, or as [`Options`] name them; a recording of which hardly a reading lies within
+//! the ring's range is refused, because it is in another unit.
 //!
 //! An encoder without any count stands at 0. Single missing counts are interpolated (`rows.rs`). Where rows hold only the sensors
 //! that have just answered, the others empty, `nan`, 0 or negative, the rows of a cycle become one sweep, each with its own time and
 //! counts.
 
-use super::recorder::{Recorder, Summary};
-use super::rows::{self, Filler, Row};
-use super::units::Readings;
-use super::wheel_check::WheelCheck;
-use super::{ImportError, SourceLine};
+use super::columns::{Columns, Role, T_S, roles};
+use super::counts::{self, Cells, Counting};
+use super::drive::{Drive, Found};
+use super::rows::{Filler, Row};
+use super::sequence::{spread_equal, typical_step_s};
+use super::table::{Record, Table, excerpt};
+use super::{ImportError, Options, SourceLine, text, times};
 use slamd_core::Config;
-use std::io::BufRead;
-use std::path::Path;
+use std::f64::consts::TAU;
+use std::io::Read;
 
-/// Writes the recording `input`, called `file` in errors, as a capture. All of it is read and checked before the capture is created.
+/// Reads and checks the recording `input`, called `file` in errors.
 ///
 /// # Errors
-/// When the recording cannot be read, a field is not what it should be, the ranges are not metres, the configuration lacks the ring or
-/// `robot.ticks_per_turn`, or the capture cannot be written.
-pub fn import(input: impl BufRead, file: &str, config: &Config, capture: &Path) -> Result<Summary, ImportError> {
+/// When the recording cannot be read, a field is not what it should be, ranges or stamps are of another unit, or the configuration lacks the
+/// ring or `robot.ticks_per_turn`.
+pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) -> Result<Drive, ImportError> {
     let sensors = config.ring.ring().ok_or(ImportError::Config("ring.circle or ring.sensors"))?.len();
-    config.robot.ticks_per_turn.ok_or(ImportError::Config("robot.ticks_per_turn"))?;
-    let mut left_out = 0;
-    let mut rows = Vec::new();
-    for (number, line) in (1..).zip(input.lines()) {
-        let text = line.map_err(|source| ImportError::Io { file: file.into(), source })?;
-        let line = SourceLine { file, number };
-        let fields: Vec<&str> = text.trim_end().split(',').collect();
-        if number == 1 {
-            check_header(line, &fields, sensors)?;
-        } else if fields.iter().any(|field| !field.trim().is_empty()) {
-            rows.push(row(line, &fields, sensors)?);
-        } else if !text.trim().is_empty() {
-            left_out += 1;
-        }
+    let ticks_per_turn = config.robot.ticks_per_turn.ok_or(ImportError::Config("robot.ticks_per_turn"))?;
+    let text = text::read(input, file)?;
+    let columns = options.columns.as_ref();
+    let first = columns.map_or(T_S, Columns::first);
+    let mut table = Table::read(&text.text, first, columns.is_some_and(Columns::is_in_order));
+    if table.header.is_none() && table.records.is_empty() {
+        return Err(ImportError::Empty { file: file.into(), expected: "a header line and rows" });
     }
+    let roles = roles(columns, table.header.as_ref(), file, sensors)?;
+    let mut found = Found {
+        kind: "the ring CSV",
+        is_whole: text.is_whole,
+        collects: true,
+        remarks: text.remarks,
+        ..Found::default()
+    };
+    if table.header.is_none() {
+        skip_head(&mut table, &roles, &mut found);
+    }
+    if let Some(garbage) = &table.garbage {
+        let header = table.header.as_ref().map_or(1, |header| header.line);
+        found
+            .remarks
+            .push(format!("line 1: `{garbage}` is no row; what stands before the header in line {header} is left out"));
+    }
+    let (mut rows, mut cells) = parse(&table, &roles, file, sensors, &mut found)?;
     if rows.is_empty() {
         return Err(ImportError::Empty { file: file.into(), expected: "a header line and rows" });
     }
-    let filler = Filler::find(&rows);
-    filler.unwrap_or_default().clear(&mut rows);
-    let mut readings = Readings::new(config);
-    for row in &rows {
-        check_readings(SourceLine { file, number: row.line }, row)?;
-        row.readings.iter().for_each(|reading| readings.add(*reading));
+    let unit_s = options.time_unit.map_or(1.0, times::TimeUnit::seconds);
+    for (row, cells) in rows.iter_mut().zip(&mut cells) {
+        row.t_s *= unit_s;
+        cells.t_s = row.t_s;
     }
-    let doubt = readings.check(file)?;
-    let filled = rows::fill_ticks(&mut rows, file)?;
-    let mut recorder = Recorder::create(capture, config, format!("imported from the ring CSV {file}"))?;
-    recorder.summary.doubts.extend(doubt);
-    recorder.summary.filled_ticks = filled.cells;
-    recorder.summary.left_out = left_out + filled.rows_left_out;
-    let mut wheels = WheelCheck::new(&config.robot);
-    let ends = filler.map(|filler| rows::cycle_ends(&rows, filler));
-    for (index, row) in rows.iter().enumerate() {
-        let is_end = ends.as_ref().map(|ends| ends.get(index).is_none_or(|is_end| *is_end));
-        write(&mut recorder, &mut wheels, row, is_end)?;
+    if options.time_unit.is_none() {
+        found.doubts.extend(times::check(typical_step_s(&rows), file)?);
     }
-    Ok(Summary { remarks: wheels.into_remarks(), ..recorder.finish()? })
-}
-
-/// Writes a row. `is_end` says whether it ends its cycle, where rows hold a part of the ring each; none where they are whole sweeps.
-fn write(recorder: &mut Recorder, wheels: &mut WheelCheck, row: &Row, is_end: Option<bool>) -> Result<(), ImportError> {
-    let ticks = row.ticks.map(Option::unwrap_or_default);
-    let ranges_m: Vec<Option<f64>> =
-        row.readings.iter().map(|reading| Some(*reading).filter(|reading| !reading.is_nan())).collect();
-    let has_readings = ranges_m.iter().any(Option::is_some);
-    recorder.advance(row.t_s);
-    wheels.row(row.line, recorder.at(), ticks);
-    match is_end {
-        _ if !has_readings && is_end != Some(true) => recorder.encoders(ticks)?,
-        Some(is_end) => recorder.part(ticks, &ranges_m, is_end)?,
-        None => recorder.sonar(ticks, &ranges_m)?,
-    }
-    Ok(())
-}
-
-const TICKS: &str = "a whole number of encoder ticks, or nothing";
-const LEADING: [&str; 3] = ["t_s", "left_ticks", "right_ticks"];
-
-fn check_header(line: SourceLine<'_>, fields: &[&str], sensors: usize) -> Result<(), ImportError> {
-    let names = LEADING.iter().map(ToString::to_string).chain((0..sensors).map(|sensor| format!("r{sensor}")));
-    for (column, name) in names.enumerate() {
-        let field = fields.get(column).copied().unwrap_or_default().trim();
-        if field != name {
-            let expected = format!("`{name}` (the header of {sensors} sensors: t_s,left_ticks,right_ticks,r0,r1,...)");
-            return Err(line.error(field, column, &expected));
+    found.remarks.extend(spread_equal(&mut rows));
+    check_negative(&rows, options, &roles, file)?;
+    let metres_per_tick = TAU * config.robot.wheel_radius_m / f64::from(ticks_per_turn);
+    let counting = counts::find(&cells, metres_per_tick, config.robot.max_speed_m_s);
+    if options.counting.unwrap_or(counting) == Counting::Deltas {
+        counts::sum(&mut cells);
+        found.is_deltas = true;
+        if options.counting.is_none() {
+            found.remarks.push(
+                "the ticks are taken as those since the row before, because as counts the robot would hardly have moved; --ticks counts takes them as counts".into(),
+            );
         }
     }
-    check_end(line, fields, sensors)
+    counts::fill(&mut rows, &cells);
+    Drive::new(rows, found, file, config, options)
 }
 
-fn check_end(line: SourceLine<'_>, fields: &[&str], sensors: usize) -> Result<(), ImportError> {
-    let columns = LEADING.len() + sensors;
-    match fields.get(columns) {
-        Some(field) => Err(line.error(field, columns, &format!("the end of the line: the ring has {sensors} sensors"))),
-        None if fields.len() < columns => {
-            Err(line.error("", fields.len(), &format!("{columns} fields: the ring has {sensors} sensors")))
-        }
-        None => Ok(()),
+/// Leaves out what stands before the first row, where the columns are named in order: another header, boot messages.
+fn skip_head(table: &mut Table, roles: &[Role], found: &mut Found) {
+    let time = roles.iter().position(|role| *role == Role::Time).unwrap_or_default();
+    let is_row = |record: &Record| record.fields.get(time).is_some_and(|field| field.parse::<f64>().is_ok());
+    let count = table.records.iter().take(MAX_HEAD).position(is_row).unwrap_or_default();
+    if let Some(head) = table.records.drain(..count).next() {
+        let line = head.line;
+        found.remarks.push(format!("line {line}: `{}` is no row and left out", excerpt(&head.fields.join(","))));
     }
 }
 
-fn row(line: SourceLine<'_>, fields: &[&str], sensors: usize) -> Result<Row, ImportError> {
-    check_end(line, fields, sensors)?;
-    let t_s = line.number(fields, 0, "seconds")?;
-    let ticks = [ticks(line, fields, 1)?, ticks(line, fields, 2)?];
-    let readings = (LEADING.len()..fields.len()).map(|column| reading(line, fields, column));
-    Ok(Row { line: line.number, t_s, ticks, readings: readings.collect::<Result<_, _>>()? })
+/// A head has fewer lines.
+const MAX_HEAD: usize = 200;
+
+/// The rows without counts, and their encoder cells.
+fn parse(
+    table: &Table,
+    roles: &[Role],
+    file: &str,
+    sensors: usize,
+    found: &mut Found,
+) -> Result<(Vec<Row>, Vec<Cells>), ImportError> {
+    let (mut rows, mut cells) = (Vec::with_capacity(table.records.len()), Vec::with_capacity(table.records.len()));
+    let last = table.records.len().saturating_sub(1);
+    for (index, record) in table.records.iter().enumerate() {
+        if record.fields.iter().all(String::is_empty) {
+            found.left_out += u64::from(record.fields.len() > 1);
+            continue;
+        }
+        if table.header.as_ref().is_some_and(|header| header.fields == record.fields) {
+            found.skipped += 1;
+            continue;
+        }
+        match row(record, roles, file, sensors) {
+            Ok((row, ticks)) => {
+                cells.push(Cells { t_s: row.t_s, ticks });
+                rows.push(row);
+            }
+            Err(_)
+                if index == last && index > 0 && (record.fields.len() < roles.len() || !table.ends_with_line_feed) =>
+            {
+                found.is_whole = false;
+                let (line, fields, columns) = (record.line, record.fields.len(), roles.len());
+                found.remarks.push(format!(
+                    "line {line}: the last row is cut off ({fields} of {columns} fields) and left out; what followed it is lost"
+                ));
+            }
+            Err(error) => return Err(error),
+        }
+    }
+    Ok((rows, cells))
 }
 
-fn ticks(line: SourceLine<'_>, fields: &[&str], column: usize) -> Result<Option<i32>, ImportError> {
-    if is_empty(fields, column) { Ok(None) } else { line.value(fields, column, TICKS).map(Some) }
+type Ticks = [Option<f64>; 2];
+
+fn row(record: &Record, roles: &[Role], file: &str, sensors: usize) -> Result<(Row, Ticks), ImportError> {
+    let line = SourceLine { file, number: record.line };
+    let fields = &record.fields;
+    if fields.len() < roles.len() {
+        let expected = format!("{} fields: the ring has {sensors} sensors", roles.len());
+        return Err(line.error("", fields.len(), &expected));
+    }
+    if let Some(field) = fields.get(roles.len()).filter(|field| !field.is_empty()) {
+        return Err(line.error(field, roles.len(), &format!("the end of the line: the ring has {sensors} sensors")));
+    }
+    let mut ticks: Ticks = [None, None];
+    let mut row = Row { line: record.line, t_s: f64::NAN, ticks: [None; 2], readings: vec![f64::NAN; sensors] };
+    for (column, role) in roles.iter().enumerate() {
+        let is_empty = fields.get(column).is_none_or(String::is_empty);
+        match role {
+            _ if is_empty => {}
+            Role::Time => row.t_s = line.number(fields, column, "seconds")?,
+            Role::Ticks(wheel) => {
+                let count = line.number(fields, column, TICKS)?;
+                if let Some(cell) = ticks.get_mut(*wheel) {
+                    *cell = Some(count);
+                }
+            }
+            Role::Range(sensor) => {
+                let reading = line.value(fields, column, READING)?;
+                if let Some(cell) = row.readings.get_mut(*sensor) {
+                    *cell = reading;
+                }
+            }
+            Role::Ignored => {}
+        }
+    }
+    Ok((row, ticks))
 }
 
+const TICKS: &str = "a number of encoder ticks, or nothing";
 const READING: &str = "metres, at least 0, `inf` for no echo, or nothing or `nan` for no measurement";
 
-fn reading(line: SourceLine<'_>, fields: &[&str], column: usize) -> Result<f64, ImportError> {
-    if is_empty(fields, column) { Ok(f64::NAN) } else { line.value(fields, column, READING) }
-}
-
-/// Negative readings mean something only where they fill the place of sensors that have not answered.
-fn check_readings(line: SourceLine<'_>, row: &Row) -> Result<(), ImportError> {
-    match row.readings.iter().position(|reading| *reading < 0.0) {
-        Some(sensor) => {
+/// Negative readings mean something only where they fill the place of sensors that have not answered, or the user says what.
+fn check_negative(rows: &[Row], options: &Options, roles: &[Role], file: &str) -> Result<(), ImportError> {
+    let mut cleared = rows.to_vec();
+    Filler::find(rows).unwrap_or_default().clear(&mut cleared);
+    let is_named = |reading: f64| options.no_echo.iter().any(|value| (value - reading).abs() < 1e-9);
+    for row in &cleared {
+        let negative = row.readings.iter().position(|reading| *reading < 0.0 && !is_named(*reading));
+        if let Some(sensor) = negative {
             let found = row.readings.get(sensor).map(ToString::to_string).unwrap_or_default();
-            Err(line.error(&found, LEADING.len() + sensor, READING))
+            let column = roles.iter().position(|role| *role == Role::Range(sensor)).unwrap_or_default();
+            let expected = format!("{READING}; where it means no echo: --no-echo {found}");
+            return Err(SourceLine { file, number: row.line }.error(&found, column, &expected));
         }
-        None => Ok(()),
     }
-}
-
-fn is_empty(fields: &[&str], column: usize) -> bool {
-    fields.get(column).is_none_or(|field| field.trim().is_empty())
+    Ok(())
 }

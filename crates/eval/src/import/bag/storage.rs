@@ -1,0 +1,196 @@
+//! The files of a ROS 2 bag: MCAP or SQLite, alone or in a folder with `metadata.yaml`.
+
+use super::super::ImportError;
+use super::message::{Kind, Message};
+use super::sqlite::{Database, Value};
+use mcap::records::Record;
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+/// A message of a bag.
+#[derive(Debug)]
+pub(super) struct Entry {
+    pub(super) topic: String,
+    /// The message's number in the bag, from 1.
+    pub(super) number: usize,
+    /// Its header's time; the time of its recording where nobody has set that. Seconds.
+    pub(super) at_s: f64,
+    pub(super) message: Message,
+}
+
+/// What a bag holds.
+#[derive(Debug, Default)]
+pub(super) struct Bag {
+    pub(super) entries: Vec<Entry>,
+    /// Topics of other types, each with its type.
+    pub(super) others: BTreeSet<String>,
+    pub(super) messages: usize,
+    /// False if the end of a file is missing.
+    pub(super) is_whole: bool,
+    pub(super) remarks: Vec<String>,
+}
+
+/// Larger files are refused, bytes.
+const MAX_BYTES: u64 = 4 << 30;
+
+impl Bag {
+    /// Reads a file or a folder.
+    ///
+    /// # Errors
+    /// When it cannot be read, or is no bag.
+    pub(super) fn read(path: &Path) -> Result<Self, ImportError> {
+        let mut bag = Self { is_whole: true, ..Self::default() };
+        for file in files(path)? {
+            bag.file(&file)?;
+        }
+        Ok(bag)
+    }
+
+    fn file(&mut self, path: &Path) -> Result<(), ImportError> {
+        let name = path.display().to_string();
+        let io = |source| ImportError::Io { file: name.clone(), source };
+        if std::fs::metadata(path).map_err(io)?.len() > MAX_BYTES {
+            return Err(problem(path, "more than 4 GiB: split the bag, or keep the topics that are needed"));
+        }
+        let bytes = std::fs::read(path).map_err(io)?;
+        if bytes.starts_with(mcap::MAGIC) {
+            self.mcap(&bytes, path)
+        } else if bytes.starts_with(b"SQLite format 3\0") {
+            self.sqlite(&bytes, path)
+        } else if bytes.starts_with(b"#ROSBAG V") {
+            Err(problem(path, "a ROS 1 bag: convert it with `rosbags-convert --src FILE --dst FOLDER`"))
+        } else if bytes.starts_with(b"\x28\xb5\x2f\xfd") {
+            Err(problem(path, "compressed with zstd: unpack it with `unzstd`"))
+        } else {
+            Err(problem(path, "no ROS 2 bag: it is neither MCAP nor SQLite"))
+        }
+    }
+
+    fn take(&mut self, topic: &str, kind: Kind, logged_s: f64, data: &[u8], path: &Path) -> Result<(), ImportError> {
+        let Some((stamp_s, message)) = kind.read(data) else {
+            let number = self.messages;
+            return Err(problem(
+                path,
+                &format!("message {number}, topic {topic}: its bytes are no {kind:?} message in CDR"),
+            ));
+        };
+        let at_s = if stamp_s > 0.0 { stamp_s } else { logged_s };
+        self.entries.push(Entry { topic: topic.into(), number: self.messages, at_s, message });
+        Ok(())
+    }
+
+    fn mcap(&mut self, bytes: &[u8], path: &Path) -> Result<(), ImportError> {
+        let mut reader = LinearReader::new_with_options(LinearReaderOptions::default());
+        let (mut rest, mut schemas, mut channels) = (bytes, BTreeMap::new(), BTreeMap::new());
+        while let Some(event) = reader.next_event() {
+            let record = match event {
+                Ok(LinearReadEvent::ReadRequest(wanted)) => {
+                    let (given, behind) = rest.split_at(wanted.min(rest.len()));
+                    reader.insert(given.len()).copy_from_slice(given);
+                    reader.notify_read(given.len());
+                    rest = behind;
+                    continue;
+                }
+                Ok(LinearReadEvent::Record { opcode, data }) => {
+                    mcap::parse_record(opcode, data).map(Record::into_owned)
+                }
+                Err(error) => Err(error),
+            };
+            match record {
+                Ok(Record::Header(header)) if header.profile == "slamd" => {
+                    return Err(problem(path, "a capture of slamd: `slamd replay` runs it"));
+                }
+                Ok(Record::Schema { header, .. }) => drop(schemas.insert(header.id, header.name)),
+                Ok(Record::Channel(channel)) => {
+                    let kind = schemas.get(&channel.schema_id).and_then(|name| Kind::of(name));
+                    if kind.is_none() {
+                        let name = schemas.get(&channel.schema_id).cloned().unwrap_or_default();
+                        self.others.insert(format!("{} ({name})", channel.topic));
+                    }
+                    channels.insert(channel.id, (channel.topic, kind));
+                }
+                Ok(Record::Message { header, data }) => {
+                    self.messages += 1;
+                    if let Some((topic, Some(kind))) = channels.get(&header.channel_id) {
+                        self.take(topic, *kind, 1e-9 * header.log_time as f64, &data, path)?;
+                    }
+                }
+                Ok(_) => {}
+                Err(mcap::McapError::UnsupportedCompression(compression)) => {
+                    let text = format!(
+                        "its chunks are compressed with {compression}: rewrite it with `mcap compress --compression none`"
+                    );
+                    return Err(problem(path, &text));
+                }
+                Err(error) => {
+                    self.is_whole = false;
+                    self.remarks
+                        .push(format!("{}: damaged or cut off ({error}); what was readable is used", path.display()));
+                    return Ok(());
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn sqlite(&mut self, bytes: &[u8], path: &Path) -> Result<(), ImportError> {
+        let mut log = path.as_os_str().to_owned();
+        log.push("-wal");
+        if std::fs::metadata(&log).is_ok_and(|log| log.len() > 0) {
+            return Err(problem(
+                path,
+                "its recorder was killed, and a part is still in the file -wal: open it once with `sqlite3 FILE .tables`",
+            ));
+        }
+        let damaged = || problem(path, "no ROS 2 bag, or a damaged one: its tables topics and messages cannot be read");
+        let database = Database::new(bytes).ok_or_else(damaged)?;
+        let topics = database.table("topics", &["id", "name", "type"]).ok_or_else(damaged)?;
+        let mut messages = database.table("messages", &["topic_id", "timestamp", "data"]).ok_or_else(damaged)?;
+        let stamp = |row: &Vec<Value>| if let Some(Value::Whole(ns)) = row.get(1) { *ns } else { 0 };
+        messages.sort_by_key(stamp);
+        let mut kinds = BTreeMap::new();
+        for row in topics {
+            let [Value::Whole(id), name, kind] = row.as_slice() else { return Err(damaged()) };
+            if Kind::of(&kind.text()).is_none() {
+                self.others.insert(format!("{} ({})", name.text(), kind.text()));
+            }
+            kinds.insert(*id, (name.text(), Kind::of(&kind.text())));
+        }
+        for row in messages {
+            self.messages += 1;
+            let [Value::Whole(topic), Value::Whole(ns), Value::Bytes(data)] = row.as_slice() else {
+                return Err(damaged());
+            };
+            if let Some((topic, Some(kind))) = kinds.get(topic) {
+                self.take(topic, *kind, 1e-9 * *ns as f64, data, path)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The file, or those of a folder in the order of their names.
+fn files(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
+    if !path.is_dir() {
+        return Ok(vec![path.into()]);
+    }
+    let io = |source| ImportError::Io { file: path.display().to_string(), source };
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(path).map_err(io)? {
+        let file = entry.map_err(io)?.path();
+        let is_bag = file.extension().is_some_and(|extension| extension == "mcap" || extension == "db3");
+        if is_bag {
+            files.push(file);
+        }
+    }
+    files.sort();
+    if files.is_empty() {
+        return Err(problem(path, "a folder without *.mcap or *.db3: name a ROS 2 bag"));
+    }
+    Ok(files)
+}
+
+fn problem(path: &Path, problem: &str) -> ImportError {
+    ImportError::Problem { file: path.display().to_string(), problem: problem.into() }
+}

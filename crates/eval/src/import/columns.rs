@@ -1,0 +1,195 @@
+//! What each column of a ring CSV holds.
+
+use super::table::Record;
+use super::{ImportError, SourceLine};
+use std::str::FromStr;
+
+/// What a column holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Role {
+    Time,
+    /// The left or the right encoder, 0 or 1.
+    Ticks(usize),
+    /// A sensor's range.
+    Range(usize),
+    Ignored,
+}
+
+/// The option `--columns`: the columns in order, or some by their names in the header.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Columns {
+    /// `t_s,-,left_ticks,right_ticks,r0-r15`: what each column holds; `-` is a column to ignore.
+    InOrder(Vec<String>),
+    /// `t_s=time,r0=front`: our name and the header's; other columns have our names or are ignored.
+    Named(Vec<(String, String)>),
+}
+
+impl Columns {
+    /// The header's name of the column with the stamps.
+    pub(super) fn first(&self) -> &str {
+        let pairs = if let Self::Named(pairs) = self { pairs.as_slice() } else { &[] };
+        pairs.iter().find(|(ours, _)| ours == T_S).map_or(T_S, |(_, theirs)| theirs)
+    }
+
+    /// True if the names of a header are not needed.
+    pub(super) const fn is_in_order(&self) -> bool {
+        matches!(self, Self::InOrder(_))
+    }
+}
+
+/// The name of the column with the stamps.
+pub(super) const T_S: &str = "t_s";
+
+impl FromStr for Columns {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let items = || text.split(',').map(str::trim);
+        if items().any(|item| item.contains('=')) {
+            let pairs = items().map(|item| {
+                let (ours, theirs) = item.split_once('=').unwrap_or((item, item));
+                role(ours.trim())?;
+                Ok((ours.trim().to_owned(), theirs.trim().to_owned()))
+            });
+            return pairs.collect::<Result<_, String>>().map(Self::Named);
+        }
+        let mut names = Vec::new();
+        for item in items() {
+            match item.split_once('-').map(|(first, last)| (role(first.trim()), role(last.trim()))) {
+                Some((Ok(Role::Range(first)), Ok(Role::Range(last)))) if first <= last && last < MAX_SENSORS => {
+                    names.extend((first..=last).map(|sensor| format!("r{sensor}")));
+                }
+                _ => {
+                    role(item)?;
+                    names.push(item.to_owned());
+                }
+            }
+        }
+        Ok(Self::InOrder(names))
+    }
+}
+
+/// More sensors than any ring has.
+const MAX_SENSORS: usize = 256;
+/// The header of a ring CSV up to the ranges.
+const LEADING: [&str; 3] = [T_S, "left_ticks", "right_ticks"];
+
+fn role(name: &str) -> Result<Role, String> {
+    let sensor = || name.strip_prefix(['r', 'R'])?.parse().ok().filter(|sensor| *sensor < MAX_SENSORS);
+    match name.to_ascii_lowercase().as_str() {
+        "t_s" => Ok(Role::Time),
+        "left_ticks" => Ok(Role::Ticks(0)),
+        "right_ticks" => Ok(Role::Ticks(1)),
+        "-" | "" => Ok(Role::Ignored),
+        _ => sensor().map(Role::Range).ok_or_else(|| {
+            format!("\"{name}\" is no column: there are t_s, left_ticks, right_ticks, r0, r1, ..., r0-r15, and - to ignore one")
+        }),
+    }
+}
+
+/// What the columns hold, by the header alone or with `--columns`.
+///
+/// # Errors
+/// Where the header is not the ring CSV's, or a column is missing.
+pub(super) fn roles(
+    columns: Option<&Columns>,
+    header: Option<&Record>,
+    file: &str,
+    sensors: usize,
+) -> Result<Vec<Role>, ImportError> {
+    let names: Vec<String> = header.map(|header| header.fields.clone()).unwrap_or_default();
+    let line = SourceLine { file, number: header.map_or(1, |header| header.line) };
+    let known = |name: &str| role(name).unwrap_or(Role::Ignored);
+    let roles: Vec<Role> = match columns {
+        None => return of_header(line, &names, sensors),
+        Some(Columns::InOrder(names)) => names.iter().map(|name| known(name)).collect(),
+        Some(Columns::Named(pairs)) => {
+            if let Some((_, theirs)) = pairs.iter().find(|(_, theirs)| !names.iter().any(|name| name == theirs)) {
+                let problem =
+                    format!("line {}: the header has no column `{theirs}`: it has {}", line.number, names.join(", "));
+                return Err(ImportError::Problem { file: file.into(), problem });
+            }
+            let ours = |name: &String| pairs.iter().find(|(_, theirs)| theirs == name).map(|(ours, _)| ours.as_str());
+            names.iter().map(|name| known(ours(name).unwrap_or(name))).collect()
+        }
+    };
+    let is_there = |role| roles.contains(&role);
+    let missing = std::iter::once((Role::Time, "t_s".to_owned()))
+        .chain((0..sensors).map(|sensor| (Role::Range(sensor), format!("r{sensor}"))))
+        .find(|(role, _)| !is_there(*role));
+    let unknown = roles.iter().find(|role| matches!(role, Role::Range(sensor) if *sensor >= sensors));
+    match (missing, unknown) {
+        (Some((_, name)), _) => Err(ImportError::Problem {
+            file: file.into(),
+            problem: format!("no column is {name}: the ring has {sensors} sensors; name the columns with --columns"),
+        }),
+        (None, Some(_)) => Err(ImportError::Problem {
+            file: file.into(),
+            problem: format!(
+                "--columns names more than r{}: the ring has {sensors} sensors",
+                sensors.saturating_sub(1)
+            ),
+        }),
+        (None, None) => Ok(roles),
+    }
+}
+
+/// The columns of the header that a ring CSV has.
+fn of_header(line: SourceLine<'_>, names: &[String], sensors: usize) -> Result<Vec<Role>, ImportError> {
+    let wanted = LEADING.iter().map(ToString::to_string).chain((0..sensors).map(|sensor| format!("r{sensor}")));
+    let mut roles = Vec::with_capacity(LEADING.len() + sensors);
+    for (column, name) in wanted.enumerate() {
+        let field = names.get(column).map(String::as_str).unwrap_or_default();
+        if !field.eq_ignore_ascii_case(&name) {
+            let expected = format!(
+                "`{name}` (the header of {sensors} sensors: t_s,left_ticks,right_ticks,r0,r1,...; --columns names the columns of another)"
+            );
+            return Err(line.error(field, column, &expected));
+        }
+        roles.push(role(&name).unwrap_or(Role::Ignored));
+    }
+    match names.get(roles.len()) {
+        Some(field) if !field.is_empty() => {
+            let expected =
+                format!("the end of the line: the ring has {sensors} sensors; --columns names further columns");
+            Err(line.error(field, roles.len(), &expected))
+        }
+        _ => Ok(roles),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(spec: Option<&str>, header: Option<&str>, sensors: usize) -> Result<Vec<Role>, String> {
+        let columns = spec.map(|spec| spec.parse::<Columns>()).transpose()?;
+        let header = header.map(|header| Record { line: 1, fields: header.split(',').map(str::to_owned).collect() });
+        roles(columns.as_ref(), header.as_ref(), "a.csv", sensors).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn columns_are_named_by_the_header_or_by_the_user() {
+        use Role::{Ignored, Range, Ticks, Time};
+        let plain = Ok(vec![Time, Ticks(0), Ticks(1), Range(0), Range(1)]);
+        assert_eq!(of(None, Some("t_s,left_ticks,right_ticks,r0,r1"), 2), plain);
+        assert_eq!(of(None, Some("T_S,Left_Ticks,RIGHT_ticks,R0,r1"), 2), plain);
+        assert_eq!(of(Some("t_s,left_ticks,right_ticks,r0-r1"), None, 2), plain);
+        assert_eq!(
+            of(Some("t_s=time,r0=front"), Some("front,x,r1,time"), 2),
+            Ok(vec![Range(0), Ignored, Range(1), Time])
+        );
+        assert_eq!(of(Some("-,r0,t_s"), None, 1), Ok(vec![Ignored, Range(0), Time]));
+    }
+
+    #[test]
+    fn what_is_wrong_with_columns_is_named() {
+        let error = |spec, header, sensors| of(spec, header, sensors).unwrap_err();
+        assert!(error(None, Some("time,left_ticks"), 2).contains("line 1, column 1: `time`: expected `t_s`"));
+        assert!(error(None, Some("t_s,left_ticks,right_ticks,r0,r1"), 1).contains("column 5: `r1`: expected the end"));
+        assert!(error(Some("t_s,r0,banana"), None, 1).contains("\"banana\" is no column"));
+        assert!(error(Some("t_s=zeit"), Some("time,r0"), 1).contains("the header has no column `zeit`"));
+        assert!(error(Some("t_s,r0"), None, 2).contains("no column is r1"));
+        assert!(error(Some("t_s,r0-r3"), None, 2).contains("more than r1"));
+    }
+}

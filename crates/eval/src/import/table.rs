@@ -1,0 +1,111 @@
+//! The lines of a CSV text: where its header is, what separates its fields, and whether its end is missing.
+
+/// One line.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Record {
+    /// Line of the file, from 1.
+    pub(super) line: usize,
+    /// With points for decimal commas.
+    pub(super) fields: Vec<String>,
+}
+
+/// A table with its header.
+#[derive(Debug)]
+pub(super) struct Table {
+    pub(super) header: Option<Record>,
+    pub(super) records: Vec<Record>,
+    /// Lines before the header, which are left out: the first.
+    pub(super) garbage: Option<String>,
+    /// False if the last line has no line feed.
+    pub(super) ends_with_line_feed: bool,
+}
+
+/// The header is searched so far: boot messages are shorter.
+const MAX_GARBAGE_LINES: usize = 200;
+/// Characters around a field that are not part of it.
+const PADDING: [char; 3] = [' ', '\t', '\r'];
+
+impl Table {
+    /// Splits a text. The header is the line with a column `first_column`; without one, `is_headless` says whether the header may be missing.
+    pub(super) fn read(text: &str, first_column: &str, is_headless: bool) -> Self {
+        let end = if text.contains('\n') { '\n' } else { '\r' };
+        let is_row = |line: &str| !line.trim().is_empty() && !line.starts_with('#');
+        let lines = || (1..).zip(text.split(end)).filter(|(_, line): &(usize, &str)| is_row(line));
+        let is_header =
+            |line: &str| split(line, delimiter(line)).iter().any(|name| name.eq_ignore_ascii_case(first_column));
+        let header = lines().take(MAX_GARBAGE_LINES).find(|(_, line)| is_header(line)).map(|(number, _)| number);
+        let first = header.or_else(|| lines().next().map(|(number, _)| number)).unwrap_or(1);
+        let garbage = lines().next().filter(|(number, _)| *number < first).map(|(_, line)| excerpt(line.trim()));
+        let body = || lines().skip_while(|(number, _)| *number < first);
+        let delimiter = body().next().map_or(',', |(_, line)| delimiter(line));
+        let record = |(line, text)| Record {
+            line,
+            fields: split(text, delimiter).into_iter().map(|field| field.replace(',', ".")).collect(),
+        };
+        let mut records: Vec<Record> = body().map(record).collect();
+        let has_header = header.is_some() || !is_headless;
+        let header = (has_header && !records.is_empty()).then(|| records.remove(0));
+        Self { header, records, garbage, ends_with_line_feed: text.ends_with(end) }
+    }
+}
+
+/// The fields of a line, without the quotes around them.
+fn split(line: &str, delimiter: char) -> Vec<String> {
+    let (mut fields, mut field, mut is_quoted) = (Vec::new(), String::new(), false);
+    let mut characters = line.chars().peekable();
+    while let Some(character) = characters.next() {
+        match character {
+            '"' if is_quoted && characters.peek() == Some(&'"') => field.extend(characters.next()),
+            '"' => is_quoted = !is_quoted,
+            _ if character == delimiter && !is_quoted => fields.push(std::mem::take(&mut field)),
+            _ => field.push(character),
+        }
+    }
+    fields.push(field);
+    fields.into_iter().map(|field| field.trim_matches(PADDING).to_owned()).collect()
+}
+
+/// What separates the fields of a header.
+fn delimiter(header: &str) -> char {
+    let count = |delimiter: char| header.chars().filter(|character| *character == delimiter).count();
+    [',', ';', '\t', '|'].into_iter().max_by_key(|delimiter| (count(*delimiter), *delimiter == ',')).unwrap_or(',')
+}
+
+/// The beginning of a text without control characters.
+pub(super) fn excerpt(text: &str) -> String {
+    text.chars().filter(|c| !c.is_control()).take(60).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fields(text: &str) -> Vec<Vec<String>> {
+        let table = Table::read(text, "t_s", false);
+        table.header.into_iter().chain(table.records).map(|record| record.fields).collect()
+    }
+
+    #[test]
+    fn separators_quotes_and_line_ends_do_not_matter() {
+        let plain = fields("t_s,r0\n0.5,1.5\n");
+        for text in [
+            "t_s;r0\r\n0,5;1,5\r\n",
+            "\"t_s\",\"r0\"\n\"0,5\",\"1,5\"\n",
+            "t_s\tr0\r0.5\t1,5\r",
+            "# a comment\nt_s , r0\n\n0.5, 1.5",
+            "t_s|r0\n0.5|1.5\n",
+        ] {
+            assert_eq!(fields(text), plain, "{text:?}");
+        }
+    }
+
+    #[test]
+    fn lines_before_the_header_are_left_out_and_named() {
+        let table = Table::read("\u{fffd}@ets Jun  8\r\nboot\r\nt_s,r0\r\n0,1\r\n", "t_s", false);
+        assert_eq!(table.garbage.as_deref(), Some("\u{fffd}@ets Jun  8"));
+        assert_eq!((table.header.unwrap().line, table.records[0].line), (3, 4));
+        let table = Table::read("0,1\n1,2\n", "t_s", true);
+        assert!(table.header.is_none() && table.garbage.is_none());
+        assert_eq!(table.records.iter().map(|record| record.line).collect::<Vec<_>>(), [1, 2]);
+    }
+}

@@ -1,0 +1,50 @@
+//! `--force`, and what of a command's outputs may take the place of existing files.
+
+use super::{Failure, Kind};
+use clap::Args;
+use slamd_capture::{CaptureInfo, CaptureReader};
+use slamd_files::{OutputGuard, Refusal};
+use slamd_publish::FolderError;
+use std::path::Path;
+
+/// Whether existing files may be replaced.
+#[derive(Clone, Copy, Debug, Default, Args)]
+pub(super) struct ForceArg {
+    /// Replace existing files and results. The command's own inputs are never replaced.
+    #[arg(long)]
+    force: bool,
+}
+
+impl ForceArg {
+    /// The guard of a command's outputs.
+    pub(super) const fn guard(self) -> OutputGuard {
+        OutputGuard::new(self.force)
+    }
+}
+
+/// True if the file is a capture that can be made again: from another recording or by the simulator. A recording of a robot cannot.
+pub(super) fn can_be_made_again(path: &Path) -> bool {
+    let info = CaptureReader::open(path).ok().map(|capture| capture.info().clone());
+    info.is_some_and(|CaptureInfo { notes, .. }| MADE.iter().any(|made| notes.starts_with(made)))
+}
+
+/// How the notes of captures begin that `slamd import` and `slamd simulate` have written.
+const MADE: [&str; 2] = ["imported from ", "slamd simulate "];
+
+impl From<Refusal> for Failure {
+    fn from(refusal: Refusal) -> Self {
+        let kind = if refusal.is_usage() { Kind::Usage } else { Kind::CantCreate };
+        let hint = if matches!(refusal, Refusal::Write(_)) { "; name a file that can be written" } else { "" };
+        Self::new(kind, format!("{refusal}{hint}"))
+    }
+}
+
+impl From<FolderError> for Failure {
+    fn from(error: FolderError) -> Self {
+        match error {
+            FolderError::Refused(refusal) => refusal.into(),
+            FolderError::Write(error) => error.into(),
+            other => Self::new(Kind::CantCreate, other.to_string()),
+        }
+    }
+}
