@@ -170,6 +170,7 @@ impl Examination {
             path_m,
             self.config.ring.max_range_m,
             self.setting(Setting::SlotUs),
+            self.driver.pipeline().ring(),
             &troubles,
         ));
         findings.extend(noisy(self.driver.pipeline().states()));

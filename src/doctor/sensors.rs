@@ -148,14 +148,15 @@ impl SensorEvidence {
         path_m: f64,
         max_range_m: f64,
         slot_us: Option<i32>,
+        ring: Option<&Ring>,
         troubles: &Troubles<'_>,
     ) -> Vec<Finding> {
         if self.fired.iter().sum::<u64>() == 0 {
-            let fix = if troubles.has(Topic::Content) {
-                "correct the board's message first: slamd starts the ring once it knows it"
-            } else {
-                "press the board's reset button; if that does not help, flash protocol/firmware again"
-            };
+            // A message that does not fit the specification has its own finding: slamd starts the ring once it knows it.
+            if troubles.has(Topic::Content) || ring.is_none() && troubles.has(Topic::Settings) {
+                return Vec::new();
+            }
+            let fix = "press the board's reset button; if that does not help, flash protocol/firmware again";
             return vec![Finding::new(Level::Problem, "sensors.silent", "the board answers but fires no sensor", fix)];
         }
         // Stamps that run back or count something else tell no rate.
