@@ -20,6 +20,8 @@ mod record;
 mod replay;
 mod replay_folder;
 mod run;
+mod serial;
+mod setup;
 mod simulate;
 mod state_args;
 mod terminal;
@@ -69,6 +71,7 @@ enum Command {
     Inspect(inspect::InspectArgs),
     /// List the serial ports and the programs that hold them.
     Ports(ports::PortsArgs),
+    Setup(setup::SetupArgs),
     Doctor(doctor::DoctorArgs),
     Config(config::ConfigCommand),
     /// Evaluate with simulated drives: tables and pictures.
@@ -126,6 +129,7 @@ impl Command {
             Self::Export(args) => args.run(),
             Self::Inspect(args) => args.run(),
             Self::Ports(args) => args.run(),
+            Self::Setup(args) => args.run(),
             Self::Doctor(args) => args.run(),
             Self::Config(args) => args.run(),
             Self::Bench(args) => args.run(),
