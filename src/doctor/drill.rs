@@ -271,7 +271,7 @@ impl DrillResult {
 /// The simple factor that a measured one is within a person's 30 cm: edges for pulses are 4 or 2, a gear is a whole number.
 #[must_use]
 pub fn simple_factor(factor: f64) -> f64 {
-    let simple = [0.25, 1.0 / 3.0, 0.5, 2.0, 3.0, 4.0];
+    let simple = [0.25, 1.0 / 3.0, 0.5, 1.0, 2.0, 3.0, 4.0];
     simple.into_iter().find(|simple| (factor / simple).ln().abs() < 0.1).unwrap_or((factor * 1e3).round() / 1e3)
 }
 

@@ -44,8 +44,8 @@ enum Phase {
 }
 
 /// Path and turning without a contradiction that are enough, metres and radians.
-const ENOUGH_M: f64 = 4.0;
-const ENOUGH_RAD: f64 = 4.7;
+const ENOUGH_M: f64 = 5.0;
+const ENOUGH_RAD: f64 = 6.3;
 /// Time until a board must be known, and for its settings, seconds.
 const BOARD_S: f64 = 20.0;
 const SETTINGS_S: f64 = 3.0;

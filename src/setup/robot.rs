@@ -1,6 +1,5 @@
 //! A robot's configuration as far as `slamd setup` has found it out, and as TOML.
 
-use crate::doctor::simple_factor;
 use slamd_core::{
     Board, Config, ModelAspect, ModelFinding, Ring, config::CircleConfig, config::SettingValue, wrap_angle,
 };
@@ -68,7 +67,7 @@ impl Change {
     /// What mends a finding of the pipeline; none if nothing in the configuration does.
     pub(super) fn of_model(finding: &ModelFinding) -> Option<Self> {
         Some(match finding.aspect {
-            ModelAspect::WheelScale => Self::Ticks(simple_factor(finding.measured)),
+            ModelAspect::WheelScale => Self::Ticks(finding.measured),
             ModelAspect::TurnScale => {
                 let (_, base_m) = finding.remedies.iter().find(|(key, _)| *key == "robot.wheel_base_m")?;
                 Self::Base(base_m.parse().ok()?)

@@ -109,7 +109,7 @@ impl Setup {
         let rests = self.is_drilled && self.own(at).seconds() > AFTER_DRILL_S && drill.still_s() > AFTER_DRILL_S
             || self.is_drilled && path_m < 0.01 && self.own(at).seconds() > AFTER_DRILL_S;
         if agrees || rests {
-            self.finish(agrees);
+            self.finish(agrees, at);
         }
     }
 
@@ -124,23 +124,41 @@ impl Setup {
             return Ok(());
         }
         let is_size = (self.config.robot.wheel_base_m / base_m / factor).ln().abs() < 0.15;
-        if is_size {
+        let said = self.examination.pipeline().board().ticks_per_turn();
+        if is_size && said == self.config.robot.ticks_per_turn {
             let is_measured = self.measured != Measured::default();
             return if is_measured || (0.4..0.6).contains(&factor) { Err(unit(factor)) } else { Ok(()) };
         }
         self.config.robot.wheel_radius_m = radius_m;
-        robot::change(&mut self.config, &mut Wiring::default(), Change::Ticks(simple_factor(1.0 / factor)));
+        robot::change(&mut self.config, &mut Wiring::default(), Change::Ticks(1.0 / factor));
         Ok(())
     }
 
-    fn finish(&mut self, is_confirmed: bool) {
+    /// The walls tell a scale to a few per cent; what mistakes make is a simple factor.
+    fn settle_ticks(&mut self) {
+        let said = self.examination.pipeline().board().ticks_per_turn();
+        if let (Some(said), Some(ticks)) = (said.map(f64::from), self.config.robot.ticks_per_turn.map(f64::from)) {
+            let factor = simple_factor(ticks / said);
+            robot::change(&mut self.config, &mut Wiring::default(), Change::Ticks(factor * said / ticks));
+        }
+    }
+
+    fn finish(&mut self, is_confirmed: bool, at: Timestamp) {
+        let before = self.config.robot.clone();
         if let Err(text) = self.settle_size() {
             return self.fail(text);
         }
+        self.settle_ticks();
         let pipeline = self.examination.pipeline();
         let calibration = pipeline.calibration().filter(|found| found.wheel_base_sigma_m < 0.02 * found.wheel_base_m);
         if let (Some(found), true, None) = (calibration, is_confirmed, self.measured.wheel_base_m) {
             self.config.robot.wheel_base_m = (found.wheel_base_m * 1e3).round() / 1e3;
+        }
+        let is_other = self.config.robot.ticks_per_turn != before.ticks_per_turn
+            || (self.config.robot.wheel_base_m / before.wheel_base_m).ln().abs() > 0.02;
+        if is_confirmed && is_other && self.rounds <= MAX_ROUNDS {
+            self.rounds += 1;
+            return self.begin_watch(at);
         }
         if !is_confirmed {
             self.found.push("only the drill by hand was seen, no drive confirmed it".into());
