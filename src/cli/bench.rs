@@ -54,9 +54,6 @@ struct AccuracyArgs {
     /// Also write the tables to this Markdown file. Text after its line "<!-- by hand -->" is kept.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Print a line about each drive on standard error.
-    #[arg(long, short)]
-    verbose: bool,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -108,7 +105,8 @@ impl AccuracyArgs {
         let seeds: Vec<u64> = self.seeds.0.clone().collect();
         let bar = bar(cases.len() * seeds.len());
         let runs = drive_all(&cases, &seeds, |case, run| {
-            if self.verbose {
+            // With -v.
+            if tracing::enabled!(tracing::Level::DEBUG) {
                 bar.suspend(|| eprintln!("{}", table::run_line(case, run)));
             }
             bar.inc(1);

@@ -61,6 +61,9 @@ pub(super) struct LiveArgs {
     #[cfg(feature = "viewer")]
     #[command(flatten)]
     viewer: super::viewer::LiveViewerArgs,
+    #[cfg(not(feature = "viewer"))]
+    #[command(flatten)]
+    _viewer: super::no_viewer::NoViewerArgs,
 }
 
 impl RunArgs {

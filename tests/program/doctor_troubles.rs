@@ -133,6 +133,47 @@ fn inspect_names_the_reason_of_each_refusal() {
 }
 
 #[test]
+fn a_recording_gets_no_advice_that_only_a_live_board_can_take() {
+    let mut examination = Examination::new(&Config::default(), 115_200, "test");
+    let mut records = Vec::new();
+    OddBoard::new(Oddity::Rests).run(10, |now_us, said| {
+        records.push(Record::Received { at: Timestamp::from_us(now_us), bytes: said.to_vec() });
+        let ask = [Message::GeometryRequest, Message::Start];
+        if now_us % 500_000 == 0 {
+            ask.map(|it| FrameEncoder::default().encode(&it).to_vec()).concat()
+        } else {
+            Vec::new()
+        }
+    });
+    records.iter().for_each(|record| examination.feed(record));
+    let report = examination.report();
+    let fixes: Vec<&String> = report.findings.iter().filter_map(|finding| finding.fix.as_ref()).collect();
+    assert!(fixes.iter().any(|fix| fix.starts_with("record a push of 30 cm")), "\n{report}");
+    for live in ["while this runs", "--seconds", "reset button"] {
+        assert!(fixes.iter().all(|fix| !fix.contains(live)), "\n{report}");
+    }
+}
+
+#[test]
+fn a_shipped_configuration_is_no_error_in_a_replay() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folder = tempfile::tempdir().unwrap();
+    let slamd = |arguments: &[&str]| {
+        let mut slamd = std::process::Command::new(env!("CARGO_BIN_EXE_slamd"));
+        let output = slamd.args(arguments).current_dir(folder.path()).output().unwrap();
+        let [out, log] = [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text).into_owned());
+        (output.status.code().unwrap(), out + &log)
+    };
+    assert_eq!(slamd(&["simulate", "--sensors", "8", "--duration", "30", "--capture", "a.mcap"]).0, 0);
+    let ring8 = root.join("configs/ring8.toml");
+    let ring8 = ring8.to_str().unwrap();
+    let (code, text) = slamd(&["doctor", "--capture", "a.mcap", "--config", ring8]);
+    assert!(code == 0 && !text.contains("does not answer"), "{text}");
+    let (code, text) = slamd(&["replay", "a.mcap", "--config", ring8]);
+    assert!(code == 0 && !text.contains("does not answer"), "{text}");
+}
+
+#[test]
 fn air_groups_and_crosstalk_are_named() {
     assert_only(&examine(Oddity::Air(8_000), 20), "sensors.temperature", ["80.0 degrees", "check the sensor"], &[]);
     assert_only(&examine(Oddity::Overlap, 20), "sensors.groups", ["groups overlap", "once per cycle"], &[]);
