@@ -132,6 +132,7 @@ mod tests {
     #[test]
     fn the_options_of_run_are_grouped() {
         let mut program = super::super::command();
+        program.build();
         let help = program.find_subcommand_mut("run").expect("run").render_long_help().to_string();
         let headings: Vec<&str> = help.lines().filter(|line| line.ends_with(':') && !line.starts_with(' ')).collect();
         for (name, _) in super::GROUPS {

@@ -9,7 +9,7 @@ mod watch;
 use crate::doctor::{Examination, Level};
 use bytes::Bytes;
 use robot::Wiring;
-use slamd_core::{Config, Timestamp};
+use slamd_core::{Config, Timestamp, config::RobotConfig};
 use slamd_protocol::{FrameEncoder, Message, Setting};
 
 /// What the user has measured.
@@ -19,6 +19,18 @@ pub struct Measured {
     pub wheel_radius_m: Option<f64>,
     /// Distance between the driven wheels, metres.
     pub wheel_base_m: Option<f64>,
+}
+
+impl Measured {
+    /// The robot with these measures, and the usual ones for the others.
+    fn robot(&self) -> RobotConfig {
+        let usual = RobotConfig::default();
+        RobotConfig {
+            wheel_radius_m: self.wheel_radius_m.unwrap_or(usual.wheel_radius_m),
+            wheel_base_m: self.wheel_base_m.unwrap_or(usual.wheel_base_m),
+            ..usual
+        }
+    }
 }
 
 /// How far a setup has come.
@@ -80,13 +92,7 @@ impl Setup {
     /// A setup of the board at a port that was just opened. It gives up after `timeout_s` seconds.
     #[must_use]
     pub fn new(measured: Measured, baud: u32, port: &str, timeout_s: f64) -> Self {
-        let mut config = Config::default();
-        if let Some(radius_m) = measured.wheel_radius_m {
-            config.robot.wheel_radius_m = radius_m;
-        }
-        if let Some(base_m) = measured.wheel_base_m {
-            config.robot.wheel_base_m = base_m;
-        }
+        let config = Config { robot: measured.robot(), ..Config::default() };
         let examination = Examination::new(&config, baud, port);
         Self {
             config,

@@ -1,7 +1,8 @@
 //! A robot's configuration as far as `slamd setup` has found it out, and as TOML.
 
 use slamd_core::{
-    Board, Config, ModelAspect, ModelFinding, Ring, config::CircleConfig, config::SettingValue, wrap_angle,
+    Board, Config, ModelAspect, ModelFinding, Ring, config::CircleConfig, config::RobotConfig, config::SettingValue,
+    wrap_angle,
 };
 use slamd_protocol::Setting;
 use std::collections::BTreeMap;
@@ -152,6 +153,47 @@ pub(super) fn circle(ring: &Ring) -> Option<CircleConfig> {
 pub(super) fn settings(wiring: Wiring, before: Wiring) -> BTreeMap<String, SettingValue> {
     let changed = wiring.values().into_iter().zip(before.values()).filter(|(now, then)| now.1 || then.1);
     changed.map(|((setting, value), _)| (setting.name().into(), SettingValue::Flag(value))).collect()
+}
+
+/// What the robot is, where it is not what the board says and not `assumed`; with the wiring as it was and as it is.
+pub(super) fn differences(
+    config: &Config,
+    assumed: &RobotConfig,
+    said: Option<u32>,
+    (before, wiring): (Wiring, Wiring),
+) -> Vec<String> {
+    let (robot, ring) = (&config.robot, &config.ring);
+    let mut found = Vec::new();
+    if let (Some(said), Some(ticks)) = (said, robot.ticks_per_turn)
+        && said != ticks
+    {
+        let factor = f64::from(ticks) / f64::from(said);
+        found.push(format!(
+            "the wheels count {factor:.2} times the ticks that the board says: {ticks} per turn, not {said}"
+        ));
+    }
+    let millimetres = |metres: f64| (1e3 * metres).round();
+    if (robot.wheel_radius_m / assumed.wheel_radius_m).ln().abs() > 0.05 {
+        found.push(format!("the wheels have a radius of {} mm", millimetres(robot.wheel_radius_m)));
+    }
+    if (robot.wheel_base_m / assumed.wheel_base_m).ln().abs() > 0.05 {
+        found.push(format!("the wheels are {} mm apart", millimetres(robot.wheel_base_m)));
+    }
+    if wiring.is_swapped != before.is_swapped {
+        found.push("left and right encoder are swapped".into());
+    }
+    for (wheel, index) in [("left", 0), ("right", 1)] {
+        if wiring.is_reversed[index] != before.is_reversed[index] {
+            found.push(format!("the {wheel} encoder counts backwards"));
+        }
+    }
+    if ring.rotation_deg != 0.0 {
+        found.push(format!("the ring is turned by {} degrees", ring.rotation_deg));
+    }
+    if ring.mirrored {
+        found.push("the sensors are numbered the other way round".into());
+    }
+    found
 }
 
 /// The file: every key that a hobbyist may want to change, and what was found.

@@ -3,7 +3,7 @@
 use super::robot::{self, Change, Wiring};
 use super::{ENOUGH_M, ENOUGH_RAD, Measured, Phase, Progress, Setup};
 use crate::doctor::{Mistake, simple_factor};
-use slamd_core::{Config, EncoderState, ModelState, Timestamp};
+use slamd_core::{EncoderState, ModelState, Timestamp, config::RobotConfig};
 
 /// A drill without a drive after it is enough after this time, seconds.
 const AFTER_DRILL_S: f64 = 10.0;
@@ -116,9 +116,7 @@ impl Setup {
     /// Travel and turning were corrected one after the other: the size of the robot, or ticks per turn? The error is a unit of the ranges
     /// or a size that contradicts the ruler.
     fn settle_size(&mut self) -> Result<(), String> {
-        let assumed = Config::default().robot;
-        let radius_m = self.measured.wheel_radius_m.unwrap_or(assumed.wheel_radius_m);
-        let base_m = self.measured.wheel_base_m.unwrap_or(assumed.wheel_base_m);
+        let RobotConfig { wheel_radius_m: radius_m, wheel_base_m: base_m, .. } = self.measured.robot();
         let factor = self.config.robot.wheel_radius_m / radius_m;
         if (factor - 1.0).abs() < 0.1 {
             return Ok(());
@@ -160,10 +158,15 @@ impl Setup {
             self.rounds += 1;
             return self.begin_watch(at);
         }
-        if !is_confirmed {
-            self.found.push("only the drill by hand was seen, no drive confirmed it".into());
-        } else if self.found.is_empty() {
+        let said = pipeline.board().ticks_per_turn();
+        let assumed = self.measured.robot();
+        let wirings = (self.wiring_before, self.wiring.unwrap_or_default());
+        self.found = robot::differences(&self.config, &assumed, said, wirings);
+        if self.found.is_empty() {
             self.found.push("the robot is as the board says".into());
+        }
+        if !is_confirmed {
+            self.found.push("only a drill by hand was seen; no drive has confirmed it".into());
         }
         let text = robot::to_toml(&self.config, pipeline.board(), &self.found);
         self.phase = Phase::Over(Progress::Done(text));
