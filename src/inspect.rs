@@ -226,7 +226,7 @@ impl Reading {
     fn sonar(&mut self, sonar: &Sonar) {
         self.wheels([sonar.left_ticks, sonar.right_ticks]);
         *self.fired.entry(sonar.group).or_default() += 1;
-        let total = self.board.hello().map_or(usize::from(u8::MAX) + 1, |hello| usize::from(hello.sensors));
+        let total = self.board.hello().map_or(usize::MAX, |hello| usize::from(hello.sensors));
         for result in &sonar.echoes {
             if usize::from(result.sensor) >= total {
                 self.reason(Some(format!("SONAR names sensor {}, but the ring has {total}", result.sensor)));

@@ -272,7 +272,8 @@ impl DrillResult {
 #[must_use]
 pub fn simple_factor(factor: f64) -> f64 {
     let simple = [0.25, 1.0 / 3.0, 0.5, 1.0, 2.0, 3.0, 4.0];
-    simple.into_iter().find(|simple| (factor / simple).ln().abs() < 0.1).unwrap_or((factor * 1e3).round() / 1e3)
+    let is_near = |simple: &f64| libm::log(factor / simple).abs() < 0.1;
+    simple.into_iter().find(is_near).unwrap_or_else(|| (factor * 1e3).round() / 1e3)
 }
 
 /// Slope of range over travel; none if the readings are no line.
@@ -296,16 +297,16 @@ fn slope(readings: impl Iterator<Item = (f64, f64)>) -> Option<f64> {
 fn direction(slopes: &[(f64, f64)]) -> Option<f64> {
     let steep: Vec<&(f64, f64)> = slopes.iter().filter(|(_, slope)| slope.abs() > MIN_SLOPE).collect();
     let sum = |part: fn(f64) -> f64| steep.iter().map(|(bearing, slope)| -slope * part(*bearing)).sum::<f64>();
-    let (x, y) = (sum(f64::cos), sum(f64::sin));
+    let (x, y) = (sum(libm::cos), sum(libm::sin));
     let length: f64 = steep.iter().map(|(_, slope)| slope.abs()).sum();
-    (length > 0.0 && x.hypot(y) > 0.6 * length).then(|| y.atan2(x))
+    (length > 0.0 && libm::hypot(x, y) > 0.6 * length).then(|| libm::atan2(y, x))
 }
 
 /// Median slope of the sensors along the direction of travel.
 fn scale(slopes: &[(f64, f64)], towards_rad: f64) -> Option<f64> {
     let is_along = |bearing: f64| {
         let apart = wrap_angle(bearing - towards_rad).abs();
-        apart < ALONG_RAD || apart > PI - ALONG_RAD
+        !(ALONG_RAD..=PI - ALONG_RAD).contains(&apart)
     };
     let mut along: Vec<f64> =
         slopes.iter().filter(|(b, slope)| is_along(*b) && slope.abs() > MIN_SLOPE).map(|(_, s)| s.abs()).collect();

@@ -113,7 +113,7 @@ pub(super) fn change(config: &mut Config, wiring: &mut Wiring, change: Change) {
         Change::Ring(turned_rad) => {
             let turned_deg = wrap_angle(config.ring.rotation_deg.to_radians() + turned_rad).to_degrees();
             let nearest = (turned_deg / 15.0).round() * 15.0;
-            config.ring.rotation_deg = if (turned_deg - nearest).abs() < 4.0 { nearest } else { turned_deg.round() };
+            config.ring.rotation_deg = if (turned_deg - nearest).abs() < 6.0 { nearest } else { turned_deg.round() };
         }
         Change::Mirror => config.ring.mirrored = !config.ring.mirrored,
         Change::Swap => *wiring = wiring.corrected([false; 2], true),
@@ -134,7 +134,7 @@ fn rounded(metres: f64) -> f64 {
 pub(super) fn circle(ring: &Ring) -> Option<CircleConfig> {
     let first = ring.mountings.first()?;
     let count = u8::try_from(ring.len()).ok()?;
-    let radius_m = (first.robot_from_sensor.x_m.hypot(first.robot_from_sensor.y_m) * 1e3).round() * 1e-3;
+    let radius_m = (first.robot_from_sensor.position().coords.norm() * 1e3).round() * 1e-3;
     let half_angle_deg = (first.half_angle_rad.to_degrees() * 100.0).round() * 0.01;
     let groups = ring.mountings.iter().map(|mounting| mounting.group).max()?.checked_add(1)?.min(count);
     [false, true].into_iter().find_map(|clockwise| {
@@ -142,7 +142,7 @@ pub(super) fn circle(ring: &Ring) -> Option<CircleConfig> {
         let config = slamd_core::config::RingConfig { circle: Some(circle.clone()), ..Default::default() };
         let same = config.ring()?.mountings.iter().zip(&ring.mountings).all(|(a, b)| {
             let (a, b, group) = (a.robot_from_sensor, b.robot_from_sensor, a.group == b.group);
-            let apart = (a.x_m - b.x_m).hypot(a.y_m - b.y_m);
+            let apart = (a.position() - b.position()).norm();
             group && apart < 0.004 && wrap_angle(a.theta_rad - b.theta_rad).abs() < 0.01
         });
         same.then_some(circle)
@@ -173,10 +173,10 @@ pub(super) fn differences(
         ));
     }
     let millimetres = |metres: f64| (1e3 * metres).round();
-    if (robot.wheel_radius_m / assumed.wheel_radius_m).ln().abs() > 0.05 {
+    if libm::log(robot.wheel_radius_m / assumed.wheel_radius_m).abs() > 0.05 {
         found.push(format!("the wheels have a radius of {} mm", millimetres(robot.wheel_radius_m)));
     }
-    if (robot.wheel_base_m / assumed.wheel_base_m).ln().abs() > 0.05 {
+    if libm::log(robot.wheel_base_m / assumed.wheel_base_m).abs() > 0.05 {
         found.push(format!("the wheels are {} mm apart", millimetres(robot.wheel_base_m)));
     }
     if wiring.is_swapped != before.is_swapped {

@@ -121,7 +121,7 @@ impl Setup {
         if (factor - 1.0).abs() < 0.1 {
             return Ok(());
         }
-        let is_size = (self.config.robot.wheel_base_m / base_m / factor).ln().abs() < 0.15;
+        let is_size = libm::log(self.config.robot.wheel_base_m / base_m / factor).abs() < 0.15;
         let said = self.examination.pipeline().board().ticks_per_turn();
         if is_size && said == self.config.robot.ticks_per_turn {
             let is_measured = self.measured != Measured::default();
@@ -153,7 +153,7 @@ impl Setup {
             self.config.robot.wheel_base_m = (found.wheel_base_m * 1e3).round() / 1e3;
         }
         let is_other = self.config.robot.ticks_per_turn != before.ticks_per_turn
-            || (self.config.robot.wheel_base_m / before.wheel_base_m).ln().abs() > 0.02;
+            || libm::log(self.config.robot.wheel_base_m / before.wheel_base_m).abs() > 0.02;
         if is_confirmed && is_other && self.rounds <= MAX_ROUNDS {
             self.rounds += 1;
             return self.begin_watch(at);
@@ -164,6 +164,13 @@ impl Setup {
         self.found = robot::differences(&self.config, &assumed, said, wirings);
         if self.found.is_empty() {
             self.found.push("the robot is as the board says".into());
+        }
+        if wirings.0.is_swapped != wirings.1.is_swapped && !self.is_drilled {
+            self.found.push(
+                "walls cannot tell this from sensors that are numbered the other way round; if the map is a mirror image, set \
+                 wheels_swapped = false, and mirrored = true in [ring]"
+                    .into(),
+            );
         }
         if !is_confirmed {
             self.found.push("only a drill by hand was seen; no drive has confirmed it".into());

@@ -64,7 +64,8 @@ fn set_up(simulation: &mut Simulation, seconds: u64) -> Result<(String, f64), St
 /// Maps with this configuration for so long. The RMS of the position errors against the truth, metres, aligned at the first pose.
 fn ate_m(simulation: &mut Simulation, config: &Config, seconds: u64) -> f64 {
     let mut driver = Driver::new(Pipeline::new(config, Start::Fresh).unwrap());
-    let (mut truths, mut poses): (Vec<(f64, Pose2)>, Vec<(f64, Pose2)>) = (Vec::new(), Vec::new());
+    let mut truths: Vec<(f64, Pose2)> = Vec::new();
+    let mut poses: Vec<(f64, Pose2)> = Vec::new();
     for now_us in (0..seconds * 1_000_000).step_by(STEP_US) {
         let now = Timestamp::from_us(now_us);
         let mut frames = Vec::new();
@@ -136,7 +137,7 @@ fn each_mistake_has_its_keys_and_values() {
         "{text}"
     );
     let (text, _) = found(&["ring-rotated=90"]);
-    assert_eq!(Config::from_toml(&text).unwrap().ring.rotation_deg.abs(), 90.0, "{text}");
+    assert!((Config::from_toml(&text).unwrap().ring.rotation_deg.abs() - 90.0).abs() < 1e-9, "{text}");
     let (text, _) = found(&["wheels-reversed"]);
     assert!(text.contains("left_reversed = true") && text.contains("right_reversed = true"), "{text}");
     let (text, _) = found(&["base=1.6"]);
@@ -149,6 +150,7 @@ const SLAMD: &str = env!("CARGO_BIN_EXE_slamd");
 /// A simulated robot on a pseudo-terminal, killed at the end.
 struct Board(Child);
 
+#[expect(clippy::disallowed_methods, reason = "waits for a program")]
 impl Board {
     fn new(folder: &Path, arguments: &[&str]) -> Self {
         let mut simulate = Command::new(SLAMD);
@@ -178,6 +180,7 @@ fn slamd(folder: &Path, arguments: &[&str]) -> Output {
 
 /// The path of a person who has just built a robot, in real time: fresh folder, board, `slamd setup`, map.
 #[test]
+#[expect(clippy::disallowed_methods, reason = "a person's time")]
 fn a_fresh_folder_becomes_a_robot_with_a_map() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

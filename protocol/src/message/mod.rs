@@ -27,7 +27,6 @@ pub const MAX_SENSORS: usize = 64;
 
 /// A message of either direction.
 #[derive(Clone, Debug, PartialEq, Eq)]
-#[expect(clippy::large_enum_variant, reason = "there is no allocator to box a variant with")]
 pub enum Message {
     /// Board: its identity.
     Hello(Hello),
