@@ -6,7 +6,7 @@
 mod robot;
 mod watch;
 
-use crate::doctor::{Examination, Level};
+use crate::doctor::{Examination, Finding, Level};
 use bytes::Bytes;
 use robot::Wiring;
 use slamd_core::{Config, Timestamp, config::RobotConfig};
@@ -201,7 +201,8 @@ impl Setup {
         let (findings, _) = self.examination.findings();
         let is_of_robot = |id: &str| id.starts_with("wheels.") || id.starts_with("model.") || id == "sensors.rate";
         let bad = findings.iter().filter(|finding| finding.level >= Level::Warning && !is_of_robot(finding.id));
-        bad.map(ToString::to_string).collect()
+        bad.map(|Finding { text, fix, .. }| fix.as_ref().map_or_else(|| text.clone(), |fix| format!("{text}: {fix}")))
+            .collect()
     }
 
     fn own(&self, at: Timestamp) -> Timestamp {

@@ -101,7 +101,14 @@ impl Setup {
     fn judge(&mut self, at: Timestamp) {
         let drill = self.examination.drill();
         let (path_m, turned_rad) = drill.moved();
-        let agrees = path_m > ENOUGH_M && turned_rad > ENOUGH_RAD && !self.examination.state().is_lost();
+        let state = self.examination.state();
+        let is_enough = path_m > ENOUGH_M && turned_rad > ENOUGH_RAD;
+        let agrees = is_enough && !state.is_lost() && state.estimate().is_some();
+        if path_m > 2.0 * ENOUGH_M && state.estimate().is_none() {
+            let complaint = self.complaints().into_iter().next();
+            let why = complaint.unwrap_or_else(|| "drive it nearer to walls".into());
+            return self.fail(format!("the robot drives, but its readings show no walls; {why}"));
+        }
         let has_drilled = drill.is_by_hand() && drill.is_done();
         if has_drilled && !self.is_drilled {
             self.is_drilled = true;

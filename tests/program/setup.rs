@@ -10,6 +10,7 @@ use slamd_sim::link::LinkFaults;
 use slamd_sim::simulation::{SimConfig, Simulation};
 use slamd_sim::sonar::BeamShape;
 use slamd_sim::world::World;
+use slamd_testkit::odd_board::{OddBoard, Oddity};
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -143,6 +144,21 @@ fn each_mistake_has_its_keys_and_values() {
     let (text, _) = found(&["base=1.6"]);
     let base_m = Config::from_toml(&text).unwrap().robot.wheel_base_m;
     assert!((base_m / (1.6 * 0.26) - 1.0).abs() < 0.07, "{text}");
+}
+
+#[test]
+fn a_board_that_gives_no_readings_is_named_and_nothing_is_written() {
+    let mut setup = Setup::new(Measured::default(), 115_200, "test", 120.0);
+    OddBoard::new(Oddity::Ids).run(110, |now_us, said| {
+        let now = Timestamp::from_us(now_us);
+        setup.received(now, said);
+        setup.run_until(now);
+        let frames = setup.take_transmit();
+        frames.iter().for_each(|frame| setup.sent(now, frame));
+        frames.concat()
+    });
+    let Progress::Failed(text) = setup.progress() else { panic!("{:?}", setup.progress()) };
+    assert!(text.contains("echoes of sensor 100") && text.contains("as GEOMETRY does"), "{text}");
 }
 
 const SLAMD: &str = env!("CARGO_BIN_EXE_slamd");
