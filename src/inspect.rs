@@ -16,6 +16,8 @@ use std::path::Path;
 pub const GAP_S: f64 = 0.5;
 /// Gaps in the text form; the JSON form has all of them.
 const GAPS_SHOWN: usize = 10;
+/// Kept reasons of refusals.
+const MAX_REFUSALS: usize = 10;
 
 /// Contents of a capture.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -44,6 +46,8 @@ pub struct Report {
     pub malformed: u64,
     /// Good frames whose content was refused.
     pub refused: u64,
+    /// Why, each reason once.
+    pub refusals: Vec<String>,
     /// Good frames that the sequence numbers say are missing.
     pub lost_frames: u64,
     /// Silences of the link longer than [`GAP_S`].
@@ -184,13 +188,16 @@ impl Reading {
         }
         match Message::parse(frame.kind, frame.payload) {
             Ok(Message::Hello(hello)) => {
+                self.reason(Board::check(&hello).err());
                 if self.board.greet(hello) {
                     // A restarted board also restarts its sequence numbers and ticks.
                     (self.seq, self.ticks) = (None, None);
                 }
             }
             Ok(Message::Geometry(geometry)) => {
-                let ring = self.board.place(&geometry).ok().flatten().unwrap_or_default();
+                let placed = self.board.place(&geometry);
+                self.reason(placed.as_ref().err().cloned());
+                let ring = placed.ok().flatten().unwrap_or_default();
                 for (sensor, mounting) in (0u8..=u8::MAX).zip(&ring.mountings) {
                     self.sensors.entry(sensor).or_default().group = mounting.group;
                 }
@@ -198,14 +205,33 @@ impl Reading {
             Ok(Message::Sonar(sonar)) => self.sonar(&sonar),
             Ok(Message::Encoder(encoder)) => self.wheels([encoder.left_ticks, encoder.right_ticks]),
             Ok(_) => {}
-            Err(_) => self.report.refused += 1,
+            Err(error) => {
+                self.report.refused += 1;
+                self.reason(Some(error.to_string()));
+            }
+        }
+    }
+
+    /// Keeps the reason why a message is not used.
+    fn reason(&mut self, reason: Option<String>) {
+        let refusals = &mut self.report.refusals;
+        if let Some(reason) = reason
+            && refusals.len() < MAX_REFUSALS
+            && !refusals.contains(&reason)
+        {
+            refusals.push(reason);
         }
     }
 
     fn sonar(&mut self, sonar: &Sonar) {
         self.wheels([sonar.left_ticks, sonar.right_ticks]);
         *self.fired.entry(sonar.group).or_default() += 1;
+        let total = self.board.hello().map_or(usize::MAX, |hello| usize::from(hello.sensors));
         for result in &sonar.echoes {
+            if usize::from(result.sensor) >= total {
+                self.reason(Some(format!("SONAR names sensor {}, but the ring has {total}", result.sensor)));
+                continue;
+            }
             let tally = self.sensors.entry(result.sensor).or_default();
             tally.group = sonar.group;
             tally.add(result.echo);
@@ -297,6 +323,9 @@ impl fmt::Display for Report {
         }
         let Self { crc_errors, malformed, refused, lost_frames, .. } = self;
         writeln!(f, "errors     {crc_errors} checksum, {malformed} malformed, {refused} refused, {lost_frames} lost")?;
+        for reason in &self.refusals {
+            writeln!(f, "refused    {reason}")?;
+        }
         for gap in self.gaps.iter().take(GAPS_SHOWN) {
             writeln!(f, "gap        {:.3} s of silence at {:.3} s", gap.length_s, gap.at_s)?;
         }

@@ -11,6 +11,7 @@ pub mod calibrate;
 pub mod doctor;
 pub mod inspect;
 pub mod session_file;
+pub mod setup;
 pub mod source;
 
 pub mod api;

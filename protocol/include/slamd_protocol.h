@@ -24,8 +24,9 @@
 #define SLAMD_MAX_PAYLOAD 244
 #define SLAMD_MAX_CONTENT (SLAMD_MAX_PAYLOAD + 6)
 #define SLAMD_MAX_FRAME (SLAMD_MAX_CONTENT + 2)
+#define SLAMD_MAX_SENSORS 64
 #define SLAMD_MAX_PLACEMENTS 26
-#define SLAMD_MAX_ECHOES 76
+#define SLAMD_MAX_ECHOES SLAMD_MAX_SENSORS
 
 enum slamd_kind {
     SLAMD_HELLO = 0x01, SLAMD_GEOMETRY = 0x02, SLAMD_SONAR = 0x10, SLAMD_ENCODER = 0x11, SLAMD_STATUS = 0x12,
@@ -50,7 +51,7 @@ enum slamd_result { SLAMD_DONE, SLAMD_UNKNOWN, SLAMD_REFUSED, SLAMD_BUSY };
 
 /* X(name, key, minimum, maximum, default) */
 #define SLAMD_SETTINGS(X)                        \
-    X(SENSORS, 1, 1, 32, 32)                     \
+    X(SENSORS, 1, 1, SLAMD_MAX_SENSORS, 32)      \
     X(GROUPS, 2, 1, 8, 4)                        \
     X(SLOT_US, 3, 10000, 60000, 25000)           \
     X(ENCODER_PERIOD_MS, 4, 5, 1000, 20)         \

@@ -14,7 +14,7 @@ mod version;
 pub use decoder::{DecoderCounters, FrameDecoder};
 pub use frame::{DELIMITER, Frame, FrameBuf, FrameEncoder, MAX_FRAME, MAX_PAYLOAD, PayloadBuf, encode_frame};
 pub use message::{
-    AckResult, Echo, Encoder, Fault, FaultCode, Geometry, Hello, Log, MAX_ECHOES, MAX_PLACEMENTS, Message,
+    AckResult, Echo, Encoder, Fault, FaultCode, Geometry, Hello, Log, MAX_ECHOES, MAX_PLACEMENTS, MAX_SENSORS, Message,
     MessageError, Placement, SensorEcho, Sonar, Status, Text, kind,
 };
 pub use setting::Setting;

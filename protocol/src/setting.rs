@@ -44,7 +44,7 @@ macro_rules! settings {
 
 settings! {
     /// Sensors of the ring.
-    Sensors = 1, "sensors", 1..=32, 32;
+    Sensors = 1, "sensors", 1..=64, 32;
     /// Firing groups; sensor i belongs to group i mod groups.
     Groups = 2, "groups", 1..=8, 4;
     /// Microseconds from one group's trigger to the next.

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use slamd_protocol::{Setting, kind};
+use slamd_protocol::{MAX_ECHOES, MAX_PLACEMENTS, MAX_SENSORS, Setting, VERSION_MAJOR, VERSION_MINOR, kind};
 
 const SPECIFICATION: &str = include_str!("../README.md");
 
@@ -37,4 +37,24 @@ fn messages_are_those_of_the_code() {
         written.iter().map(|row| (u8::from_str_radix(&row[0][2..], 16).unwrap(), row[1])).collect();
     let known: Vec<(u8, &str)> = (0..=u8::MAX).filter_map(|code| Some((code, kind::name(code)?))).collect();
     assert_eq!(written, known);
+}
+
+/// The numbers right after each `before`.
+fn numbers(before: &str) -> Vec<usize> {
+    let number = |rest: &str| rest.split(|c: char| !c.is_ascii_digit()).next().and_then(|digits| digits.parse().ok());
+    SPECIFICATION.split(before).skip(1).filter_map(number).collect()
+}
+
+#[test]
+fn limits_and_the_version_are_those_of_the_code() {
+    let one_line = SPECIFICATION.replace('\n', " ");
+    assert!(one_line.contains(&format!("specification of version {VERSION_MAJOR}.{VERSION_MINOR}.")));
+    assert!(one_line.contains(&format!("| version of the protocol: {VERSION_MAJOR}, {VERSION_MINOR} |")));
+    assert!(one_line.contains(&format!("A ring has 1 to {MAX_SENSORS} sensors.")));
+    assert!(one_line.contains(&format!("| sensors of the ring, 1 to {MAX_SENSORS} |")));
+    assert_eq!(usize::try_from(*Setting::Sensors.range().end()), Ok(MAX_SENSORS));
+    // "at most 26 in one message", "at most 64" echoes, "at most 64 sensors".
+    let most: Vec<usize> = numbers("at most ").into_iter().filter(|number| (16..=255).contains(number)).collect();
+    assert_eq!(most, [MAX_PLACEMENTS, MAX_ECHOES, MAX_SENSORS]);
+    assert_eq!(u64::BITS as usize, MAX_SENSORS, "each sensor has its bit in stuck_mask");
 }

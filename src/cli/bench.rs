@@ -60,9 +60,6 @@ struct AccuracyArgs {
     out: Option<PathBuf>,
     #[command(flatten)]
     force: ForceArg,
-    /// Print a line about each drive on standard error.
-    #[arg(long, short)]
-    verbose: bool,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -116,7 +113,8 @@ impl AccuracyArgs {
         let output = self.out.as_deref().map(|path| output(&mut guard, path)).transpose()?;
         let bar = bar(cases.len() * seeds.len());
         let runs = drive_all(&cases, &seeds, |case, run| {
-            if self.verbose {
+            // With -v.
+            if tracing::enabled!(tracing::Level::DEBUG) {
                 bar.suspend(|| eprintln!("{}", table::run_line(case, run)));
             }
             bar.inc(1);

@@ -39,13 +39,27 @@ pub struct Failure {
 impl Failure {
     /// A failure with its message.
     pub fn new(kind: Kind, text: impl Into<String>) -> Self {
-        Self { kind, text: text.into() }
+        Self { kind, text: in_words(text.into()) }
     }
 
     /// A capture that could not be created.
     pub(super) fn creating(error: CaptureError) -> Self {
         Self::new(Kind::CantCreate, format!("{error}; name a file that can be written"))
     }
+}
+
+/// The system's errors in words.
+fn in_words(text: String) -> String {
+    const WORDS: &[(&str, &str)] = &[
+        ("No such file or directory (os error 2)", "there is no such file or folder"),
+        ("Permission denied (os error 13)", "you have no permission"),
+        ("File exists (os error 17)", "it is a file, not a folder"),
+        ("Not a directory (os error 20)", "it is a file, not a folder"),
+        ("Is a directory (os error 21)", "it is a folder, not a file"),
+        ("No space left on device (os error 28)", "the disk is full"),
+        ("Read-only file system (os error 30)", "the disk is read-only"),
+    ];
+    WORDS.iter().fold(text, |text, (of_system, words)| text.replace(of_system, words))
 }
 
 impl From<WriteError> for Failure {

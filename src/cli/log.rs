@@ -17,14 +17,17 @@ pub(super) enum Format {
 }
 
 /// Starts the log on standard error.
-pub(super) fn begin(format: Format) {
+pub(super) fn begin(format: Format, level: Option<Level>) {
     let text = (format == Format::Text).then(|| {
         let is_terminal = std::io::stderr().is_terminal();
         tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_ansi(is_terminal).with_target(false)
     });
     let json = (format == Format::Json)
         .then(|| tracing_subscriber::fmt::layer().json().flatten_event(true).with_writer(std::io::stderr));
-    let (filter, warning) = filter();
+    let (filter, warning) = match level {
+        Some(level) => (of_level(level), None),
+        None => filter(),
+    };
     tracing_subscriber::registry().with(filter).with(text).with(json).with(for_viewers()).init();
     warning.into_iter().for_each(|warning| tracing::warn!("{warning}"));
     if format == Format::Json {
@@ -49,9 +52,23 @@ pub(super) fn filter() -> (Targets, Option<String>) {
         Some((setting, Err(error))) => (None, Some(format!("RUST_LOG={setting}: {error}; logging at level info"))),
         None => (None, None),
     };
-    // The names of Rerun's modules begin with re_.
-    let usual = || Targets::new().with_default(Level::INFO).with_target("re_", Level::ERROR);
-    (filter.unwrap_or_else(usual).with_target(END_TARGET, Level::ERROR), warning)
+    (filter.unwrap_or_else(|| of_level(Level::INFO)).with_target(END_TARGET, Level::ERROR), warning)
+}
+
+/// The level of `-v` and `-q`; none without them.
+pub(super) const fn level(verbose: u8, is_quiet: bool) -> Option<Level> {
+    match verbose {
+        _ if is_quiet => Some(Level::WARN),
+        0 => None,
+        1 => Some(Level::DEBUG),
+        _ => Some(Level::TRACE),
+    }
+}
+
+/// The filter of a level. The names of Rerun's modules begin with re_.
+fn of_level(level: Level) -> Targets {
+    let usual = Targets::new().with_default(level).with_target("re_", Level::ERROR);
+    usual.with_target(END_TARGET, Level::ERROR)
 }
 
 const END_TARGET: &str = "slamd_end";

@@ -45,7 +45,9 @@ pub(super) struct ManArgs {
 impl ManArgs {
     /// Writes the pages; `program` is slamd's complete command line.
     pub(super) fn run(self, program: Command) -> Result<(), Failure> {
-        let written = std::fs::create_dir_all(&self.out).and_then(|()| clap_mangen::generate_to(program, &self.out));
+        let written = std::fs::create_dir_all(&self.out)
+            .and_then(|()| clap_mangen::generate_to(program, &self.out))
+            .and_then(|()| examples_as_written(&self.out));
         let name = self.out.display();
         written.map_err(|error| {
             Failure::new(Kind::CantCreate, format!("{name}: {error}; choose a folder that can be written with --out"))
@@ -53,4 +55,24 @@ impl ManArgs {
         terminal::say(self.out.join("slamd.1").display());
         Ok(())
     }
+}
+
+/// Names the section of the examples in each page, and keeps their lines as they are.
+fn examples_as_written(folder: &std::path::Path) -> std::io::Result<()> {
+    for entry in std::fs::read_dir(folder)? {
+        let path = entry?.path();
+        let is_ours = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("slamd"));
+        if !is_ours || path.extension().is_none_or(|extension| extension != "1") {
+            continue;
+        }
+        let page = std::fs::read_to_string(&path)?;
+        let Some((before, extra)) = page.split_once(".SH EXTRA\n") else { continue };
+        let (examples, after) = match extra.split_once("\n.SH ") {
+            Some((examples, after)) => (examples, format!(".SH {after}")),
+            None => (extra, String::new()),
+        };
+        let examples = examples.trim_end().trim_start_matches("Examples:").trim_start_matches('\n');
+        std::fs::write(&path, format!("{before}.SH EXAMPLES\n.nf\n{examples}\n.fi\n{after}"))?;
+    }
+    Ok(())
 }

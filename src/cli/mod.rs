@@ -10,17 +10,22 @@ mod failure;
 mod import;
 mod inspect;
 mod log;
+mod looks;
 #[cfg(feature = "manual")]
 mod manual;
 mod monitor;
 #[cfg(feature = "mqtt")]
 mod mqtt;
+#[cfg(not(feature = "viewer"))]
+mod no_viewer;
 mod outputs;
 mod ports;
 mod record;
 mod replay;
 mod replay_folder;
 mod run;
+mod serial;
+mod setup;
 mod simulate;
 mod state_args;
 mod terminal;
@@ -50,6 +55,12 @@ struct Cli {
     /// Format of the log on standard error: text, or one JSON object per line. RUST_LOG filters the log (docs/cli.md).
     #[arg(long, global = true, value_enum, value_name = "FORMAT", default_value = "text", env = "SLAMD_LOG_FORMAT")]
     log_format: log::Format,
+    /// Log more: -v debugging, -vv everything. It overrides RUST_LOG.
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    verbose: u8,
+    /// Log warnings and errors only. It overrides RUST_LOG.
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    quiet: bool,
     #[command(subcommand)]
     command: Command,
 }
@@ -71,6 +82,7 @@ enum Command {
     Inspect(inspect::InspectArgs),
     /// List the serial ports and the programs that hold them.
     Ports(ports::PortsArgs),
+    Setup(setup::SetupArgs),
     Doctor(doctor::DoctorArgs),
     Config(config::ConfigCommand),
     /// Evaluate with simulated drives: tables and pictures.
@@ -125,7 +137,7 @@ pub fn main() -> ExitCode {
     let is_monitor = matches!(cli.command, Command::Monitor(_));
     let format = if is_monitor { log::Format::Text } else { cli.log_format };
     if !is_monitor {
-        log::begin(format);
+        log::begin(format, log::level(cli.verbose, cli.quiet));
     }
     match cli.command.run() {
         Ok(()) => ExitCode::SUCCESS,
@@ -148,6 +160,7 @@ impl Command {
             Self::Export(args) => args.run(),
             Self::Inspect(args) => args.run(),
             Self::Ports(args) => args.run(),
+            Self::Setup(args) => args.run(),
             Self::Doctor(args) => args.run(),
             Self::Config(args) => args.run(),
             Self::Bench(args) => args.run(),
@@ -164,7 +177,7 @@ impl Command {
 
 /// The command line. Variables set options of `run` only: in other commands they could conflict with options that the user gave.
 fn command() -> clap::Command {
-    Cli::command().mut_subcommand("run", |run| {
+    looks::dressed(Cli::command()).mut_subcommand("run", |run| {
         config::OPTIONS.iter().fold(run, |run, (option, variable)| run.mut_arg(option, |arg| arg.env(variable)))
     })
 }
@@ -205,12 +218,16 @@ fn arguments() -> Vec<OsString> {
 
 fn with_command(mut arguments: Vec<OsString>) -> Vec<OsString> {
     let word = |index: usize| arguments.get(index).and_then(|word| word.to_str()).unwrap_or_default();
-    // A global option may precede the command.
-    let index = match word(1) {
-        "--log-format" => 3,
-        first if first.starts_with("--log-format=") => 2,
-        _ => 1,
-    };
+    // Global options may precede the command.
+    let mut index = 1;
+    loop {
+        index += match word(index) {
+            "--log-format" => 2,
+            "-v" | "-vv" | "--verbose" | "-q" | "--quiet" => 1,
+            first if first.starts_with("--log-format=") => 1,
+            _ => break,
+        };
+    }
     if word(index).starts_with('-') && !["-h", "--help", "-V", "--version"].contains(&word(index)) {
         arguments.insert(index, "run".into());
     }
@@ -235,7 +252,10 @@ mod tests {
         assert_eq!(with_command("slamd --port auto"), "slamd run --port auto");
         assert_eq!(with_command("slamd --log-format json --port auto"), "slamd --log-format json run --port auto");
         assert_eq!(with_command("slamd --log-format=json --port auto"), "slamd --log-format=json run --port auto");
-        for line in ["slamd", "slamd --help", "slamd replay --json x", "slamd --log-format json replay x"] {
+        assert_eq!(with_command("slamd -q --port auto"), "slamd -q run --port auto");
+        for line in
+            ["slamd", "slamd --help", "slamd replay --json x", "slamd --log-format json -v replay x", "slamd -q"]
+        {
             assert_eq!(with_command(line), line);
         }
     }

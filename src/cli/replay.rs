@@ -24,6 +24,9 @@ pub(super) struct ReplayArgs {
     #[cfg(feature = "viewer")]
     #[command(flatten)]
     viewer: super::viewer::ReplayViewerArgs,
+    #[cfg(not(feature = "viewer"))]
+    #[command(flatten)]
+    _viewer: super::no_viewer::NoViewerArgs,
     #[command(flatten)]
     output: OutputArgs,
 }
@@ -64,7 +67,7 @@ impl ReplayArgs {
         #[cfg(feature = "viewer")]
         let is_watched = self.viewer.is_any();
         #[cfg(not(feature = "viewer"))]
-        let is_watched = false;
+        let is_watched = super::no_viewer::NoViewerArgs::is_any();
         if self.state.is_any() || is_watched {
             let text = format!(
                 "{} is a folder: --resume, --localize, --save-session, --session, --save-calibration and --viewer need a single capture",

@@ -62,10 +62,9 @@ pub(super) struct LiveArgs {
     #[cfg(feature = "viewer")]
     #[command(flatten)]
     viewer: super::viewer::LiveViewerArgs,
-    /// Only `off`: this build has no viewer.
     #[cfg(not(feature = "viewer"))]
-    #[arg(long, value_name = "WHERE", hide = true, value_parser = ["off"])]
-    viewer: Option<String>,
+    #[command(flatten)]
+    _viewer: super::no_viewer::NoViewerArgs,
 }
 
 impl RunArgs {
@@ -117,8 +116,6 @@ impl LiveArgs {
     pub(super) fn off_by_default(&mut self) {
         #[cfg(feature = "viewer")]
         self.viewer.off_by_default();
-        #[cfg(not(feature = "viewer"))]
-        self.viewer.take();
     }
 
     /// Runs a live session to its end; none if it ended before the port was found.

@@ -51,7 +51,7 @@ pub(super) struct SimulateArgs {
     #[arg(long, default_value = "cone")]
     beam: BeamShape,
     /// Number of sensors.
-    #[arg(long, default_value_t = 32, value_parser = clap::value_parser!(u8).range(1..=76))]
+    #[arg(long, default_value_t = 32, value_parser = clap::value_parser!(u8).range(1..=64))]
     sensors: u8,
     /// Scale of the odometry errors; 0 is perfect odometry.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
@@ -96,7 +96,7 @@ impl SimulateArgs {
             return Err(Failure::new(Kind::Usage, text));
         }
         if self.sensors < FEW_SENSORS {
-            tracing::warn!("--sensors {}: too few to localize a robot; a ring has {FEW_SENSORS} to 76", self.sensors);
+            tracing::warn!("--sensors {}: too few to localize a robot; a ring has {FEW_SENSORS} to 64", self.sensors);
         }
         let simulation = Simulation::new(SimConfig {
             world: world(&self.world, self.seed)?,

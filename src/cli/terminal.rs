@@ -4,7 +4,7 @@ use super::{Failure, Kind};
 use indicatif::{ProgressBar, ProgressStyle};
 use slamd_core::FaultEvent;
 use slamd_publish::Summary;
-use std::io::Write as _;
+use std::io::{IsTerminal as _, Write as _};
 use std::path::Path;
 
 /// A progress bar over the session's seconds, shown only on a terminal.
@@ -31,6 +31,49 @@ pub(super) fn show(bar: &ProgressBar, seconds: f64) {
     if now != bar.position() {
         bar.set_position(now);
         bar.set_message(format!("{seconds:.0} s of the drive"));
+    }
+}
+
+/// Tells the person at the robot what to do: a live line on a terminal, otherwise a line for each new step, on standard error.
+pub(super) struct Guide {
+    bar: ProgressBar,
+    is_terminal: bool,
+    is_quiet: bool,
+    step: String,
+}
+
+impl Guide {
+    /// A guide that says nothing if it `is_quiet`.
+    pub(super) fn new(is_quiet: bool) -> Self {
+        let is_terminal = std::io::stderr().is_terminal();
+        let bar = ProgressBar::new(0).with_style(style("{bar:20} {msg}"));
+        bar.set_draw_target(if is_quiet {
+            indicatif::ProgressDrawTarget::hidden()
+        } else {
+            indicatif::ProgressDrawTarget::stderr()
+        });
+        Self { bar, is_terminal, is_quiet, step: String::new() }
+    }
+
+    /// Shows the instruction, whose part before the colon names the step.
+    pub(super) fn show(&mut self, elapsed_s: f64, length_s: f64, instruction: &str) {
+        if self.is_terminal {
+            self.bar.set_length(tenths(length_s));
+            self.bar.set_position(tenths(elapsed_s));
+            self.bar.set_message(format!("{elapsed_s:.0} s: {instruction}"));
+            return;
+        }
+        let step = instruction.split(':').next().unwrap_or_default();
+        if !self.is_quiet && step != self.step {
+            step.clone_into(&mut self.step);
+            eprintln!("{}", plain(step));
+        }
+    }
+}
+
+impl Drop for Guide {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
     }
 }
 

@@ -1,6 +1,8 @@
 //! The examination of a board: collects evidence from the traffic.
 
 use super::clock::ClockEvidence;
+use super::drill::Drill;
+use super::drill_findings;
 use super::finding::{Finding, Level, Report};
 use super::line::LineEvidence;
 use super::sensors::SensorEvidence;
@@ -8,7 +10,7 @@ use super::troubles::Troubles;
 use super::wheels::{WheelEvidence, metres_per_tick};
 use bytes::Bytes;
 use slamd_core::{
-    Config, Driver, Event, FaultKind, Input, ModelEvent, ModelState, Record, SensorState, SessionState, Timestamp,
+    Config, Driver, FaultKind, Input, ModelEvent, ModelState, Pipeline, Record, SensorState, SessionState, Timestamp,
     Update,
     link::{Link, Remedy},
 };
@@ -24,6 +26,8 @@ pub struct Examination {
     sensors: SensorEvidence,
     wheels: WheelEvidence,
     clock: ClockEvidence,
+    drill: Drill,
+    is_recording: bool,
     settings: [Option<i32>; Setting::ALL.len()],
     restarts: u64,
 }
@@ -41,7 +45,8 @@ impl Examination {
     pub fn new(config: &Config, baud: u32, port: &str) -> Self {
         let pipeline = slamd_paper::pipeline(config, slamd_core::Start::Fresh)
             .expect("a fresh start has no saved state that could be refused");
-        let driver = Driver::new(pipeline);
+        let mut driver = Driver::new(pipeline);
+        driver.keep_sweeps();
         let mut link = Link::new(baud);
         link.opened(Timestamp::default(), port, &driver.reception());
         Self {
@@ -53,6 +58,8 @@ impl Examination {
             sensors: SensorEvidence::default(),
             wheels: WheelEvidence::new(&config.robot),
             clock: ClockEvidence::default(),
+            drill: Drill::new(config.robot.wheel_base_m),
+            is_recording: false,
             settings: [None; Setting::ALL.len()],
             restarts: 0,
         }
@@ -60,6 +67,7 @@ impl Examination {
 
     /// Takes a record of a capture. The capture holds the frames that were really sent, so new ones are discarded.
     pub fn feed(&mut self, record: &Record) {
+        self.is_recording = true;
         match record {
             Record::Received { at, bytes } => self.received(*at, bytes),
             Record::Sent { at, bytes } => self.sent(*at, bytes),
@@ -142,8 +150,27 @@ impl Examination {
         self.driver.pipeline().counters().frames > 0
     }
 
+    /// The pipeline, to read its state.
+    #[must_use]
+    pub const fn pipeline(&self) -> &Pipeline {
+        self.driver.pipeline()
+    }
+
+    /// What the pipeline's events add up to.
+    #[must_use]
+    pub const fn state(&self) -> &SessionState {
+        &self.outputs.state
+    }
+
+    /// The drill so far.
+    #[must_use]
+    pub const fn drill(&self) -> &Drill {
+        &self.drill
+    }
+
     /// The board's value of a setting, if it has reported it.
-    fn setting(&self, setting: Setting) -> Option<i32> {
+    #[must_use]
+    pub fn setting(&self, setting: Setting) -> Option<i32> {
         self.settings.get(usize::from(setting.key()).checked_sub(1)?).copied().flatten()
     }
 
@@ -156,6 +183,9 @@ impl Examination {
         let mut findings = self.outputs.line.findings(&counters, board, self.link.baud(), &troubles);
         let answers = counters.frames > counters.echoed && !self.driver.pipeline().board().is_refused();
         if !answers {
+            if self.is_recording {
+                findings = findings.into_iter().map(drill_findings::of_recording).collect();
+            }
             return (findings, Vec::new());
         }
         let sensors = match (self.driver.pipeline().board().hello(), self.driver.pipeline().ring()) {
@@ -170,18 +200,42 @@ impl Examination {
             path_m,
             self.config.ring.max_range_m,
             self.setting(Setting::SlotUs),
+            self.driver.pipeline().ring(),
             &troubles,
         ));
         findings.extend(noisy(self.driver.pipeline().states()));
-        findings.extend(self.wheels.findings(&self.config.robot, self.driver.pipeline().board(), |setting| {
+        let of_wheels = self.wheels.findings(&self.config.robot, self.driver.pipeline().board(), |setting| {
             self.setting(setting).or_else(|| {
                 self.config.settings().find(|(configured, _)| *configured == setting).map(|(_, value)| value)
             }) == Some(1)
-        }));
+        });
         let models = self.outputs.state.models().iter().filter(|event| event.state != ModelState::Resolved);
-        findings.extend(models.map(model));
+        let models: Vec<Finding> = models.map(model).collect();
+        let of_drill = if models.is_empty() { self.of_drill(&of_wheels) } else { Vec::new() };
+        // What the walls confirm replaces what the wheels alone suggest.
+        findings.extend(of_wheels.into_iter().filter(|finding| of_drill.iter().all(|other| other.id != finding.id)));
+        findings.extend(of_drill);
+        findings.extend(models);
         findings.extend(self.clock.findings());
+        if self.is_recording {
+            findings = findings.into_iter().map(drill_findings::of_recording).collect();
+        }
         (findings, statistics)
+    }
+
+    /// What the drill shows; nothing where the wheels' own findings say that they mislead.
+    fn of_drill(&self, of_wheels: &[Finding]) -> Vec<Finding> {
+        let is_misled = of_wheels.iter().any(|finding| {
+            ["wheels.dead", "wheels.left_reversed", "wheels.right_reversed", "wheels.still"].contains(&finding.id)
+        });
+        match self.driver.pipeline().ring() {
+            Some(ring) if !is_misled => {
+                let robot = &self.config.robot;
+                let ticks = robot.ticks_per_turn.or_else(|| self.driver.pipeline().board().ticks_per_turn());
+                drill_findings::findings(&self.drill.result(ring), robot, ticks)
+            }
+            _ => Vec::new(),
+        }
     }
 
     /// The findings as a report.
@@ -227,6 +281,7 @@ impl Examination {
     fn handle(&mut self, input: Input<'_>) {
         let Self { driver, outputs, .. } = self;
         driver.handle(input, |_, update| outputs.take(update));
+        self.driver.take_sweeps().iter().for_each(|sweep| self.drill.sweep(sweep));
     }
 
     fn advance(&mut self, at: Timestamp) -> Timestamp {
@@ -245,8 +300,8 @@ impl Outputs {
     fn take(&mut self, update: Update<'_>) {
         match update {
             Update::Transmit(frame) => self.transmit.push(frame.clone()),
-            Update::Event(event @ Event::Model(_)) => self.state.take(event),
-            Update::Event(_) | Update::Truth(..) | Update::Input => {}
+            Update::Event(event) => self.state.take(event),
+            Update::Truth(..) | Update::Input => {}
         }
     }
 }

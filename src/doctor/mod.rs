@@ -4,6 +4,8 @@
 //! the same way.
 
 mod clock;
+mod drill;
+mod drill_findings;
 mod examination;
 mod finding;
 mod line;
@@ -11,6 +13,7 @@ mod sensors;
 mod troubles;
 mod wheels;
 
+pub use drill::{Drill, DrillResult, Mistake, simple_factor};
 pub use examination::Examination;
 pub use finding::{Finding, Level, Report, Summary};
 pub use sensors::SensorStatistics;

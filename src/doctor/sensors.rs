@@ -20,6 +20,8 @@ const MIN_ECHO_SHARE: f64 = 0.5;
 /// Least share of the expected sweeps that must arrive.
 const MIN_SWEEPS: f64 = 0.9;
 const MAX_GROUPS: usize = 256;
+/// If no sensor reads more than this, microseconds (12 cm), the readings have another unit.
+const MIN_FARTHEST_US: u16 = 700;
 
 /// Statistics of one sensor.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -148,19 +150,24 @@ impl SensorEvidence {
         path_m: f64,
         max_range_m: f64,
         slot_us: Option<i32>,
+        ring: Option<&Ring>,
         troubles: &Troubles<'_>,
     ) -> Vec<Finding> {
         if self.fired.iter().sum::<u64>() == 0 {
-            let fix = if troubles.has(Topic::Content) {
-                "correct the board's message first: slamd starts the ring once it knows it"
-            } else {
-                "press the board's reset button; if that does not help, flash protocol/firmware again"
-            };
+            // A message that does not fit the specification has its own finding: slamd starts the ring once it knows it.
+            if troubles.has(Topic::Content) || ring.is_none() && troubles.has(Topic::Settings) {
+                return Vec::new();
+            }
+            let fix = "press the board's reset button; if that does not help, flash protocol/firmware again";
             return vec![Finding::new(Level::Problem, "sensors.silent", "the board answers but fires no sensor", fix)];
         }
         // Stamps that run back or count something else tell no rate.
         let mut findings = Vec::from_iter(self.rate(slot_us).filter(|_| !troubles.has(Topic::Clock)));
         if troubles.has(Topic::SensorIds) {
+            return findings;
+        }
+        if let Some(finding) = unit(statistics) {
+            findings.push(finding);
             return findings;
         }
         let per_sensor: Vec<Option<Finding>> = statistics
@@ -204,6 +211,20 @@ impl SensorEvidence {
             Finding::ok("sensors.rate", text)
         })
     }
+}
+
+/// Readings that are all nearer than a sensor can measure: the board converts them.
+fn unit(statistics: &[SensorStatistics]) -> Option<Finding> {
+    let measuring: Vec<&SensorStatistics> = statistics.iter().filter(|sensor| sensor.echoes >= MIN_PINGS).collect();
+    let most_us = measuring.iter().map(|sensor| sensor.most_us).max().unwrap_or(u16::MAX);
+    (measuring.len() >= 3 && most_us < MIN_FARTHEST_US).then(|| {
+        let text = format!(
+            "no sensor ever reads more than {:.0} cm: the board sends centimetres instead of microseconds?",
+            100.0 * f64::from(most_us) * METRES_PER_US
+        );
+        let fix = "send the round-trip time of flight in microseconds, as pulseIn() gives it, without dividing by 58";
+        Finding::new(Level::Problem, "sensors.unit", text, fix)
+    })
 }
 
 impl Tally {

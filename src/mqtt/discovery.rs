@@ -5,9 +5,7 @@
 use super::names::Names;
 use serde_json::{Value, json};
 use slamd_core::link::LinkState;
-
-/// The protocol's largest number of sensors.
-const MAX_SENSORS: usize = 32;
+use slamd_protocol::MAX_SENSORS;
 
 /// Topic and payload of each entity's description for a ring of `sensors`, 0 while the ring is unknown. Sensors beyond the ring get an empty
 /// payload, which removes entities that an earlier ring left behind.

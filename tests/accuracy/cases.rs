@@ -4,11 +4,11 @@
 
 #![expect(clippy::unwrap_used, reason = "a test")]
 
+use crate::importing::{carmen_import, ring_import};
 use slamd::calibrate::drive::{Drive, Mapper};
 use slamd::calibrate::{CalibrateError, calibrate};
 use slamd_capture::CaptureReader;
 use slamd_core::{Config, Driver, Event, ModelAspect, ModelEvent, ModelState, Pose2, Start, Update};
-use slamd_eval::import::{carmen, ring};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -114,7 +114,7 @@ fn case16(csv: &str, change: impl FnOnce(&mut Config)) -> Option<Outcome> {
     let (wrong, truth) = (config("ring16.toml", change)?, truth("base16.truth")?);
     let (folder, csv) = (tempfile::tempdir().unwrap(), std::fs::read(shared(csv)?).unwrap());
     let capture = folder.path().join("case.mcap");
-    ring::import(csv.as_slice(), "case.csv", &wrong, &capture).unwrap();
+    ring_import(&csv, "case.csv", &wrong, &capture).unwrap();
     Some(drive(&capture, &wrong, &truth))
 }
 
@@ -207,7 +207,7 @@ fn readings_that_scatter_do_not_mislead_the_wheels() {
     let csv = std::fs::read(shared("22-readings-that-scatter-by-5-cm/scatter.csv").unwrap()).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let capture = folder.path().join("case.mcap");
-    ring::import(csv.as_slice(), "case.csv", &config, &capture).unwrap();
+    ring_import(&csv, "case.csv", &config, &capture).unwrap();
     let outcome = drive(&capture, &config, &truth);
     assert!(outcome.rms_m < 0.104, "{} m, of the wheels {} m", outcome.rms_m, outcome.wheels_rms_m);
 }
@@ -216,10 +216,10 @@ fn readings_that_scatter_do_not_mislead_the_wheels() {
 fn sound_sensors_that_scatter_are_not_called_faulty() {
     let folder = "25-third-party-room-12-sonars-1-Hz";
     let Some(config) = config(&format!("{folder}/robot.toml"), |_| {}) else { return };
-    let log = std::fs::File::open(shared(&format!("{folder}/as_carmen.log")).unwrap()).unwrap();
+    let log = std::fs::read(shared(&format!("{folder}/as_carmen.log")).unwrap()).unwrap();
     let temporary = tempfile::tempdir().unwrap();
     let capture = temporary.path().join("case.mcap");
-    carmen::import(std::io::BufReader::new(log), "as_carmen.log", &config, &capture).unwrap();
+    carmen_import(&log, "as_carmen.log", &config, &capture).unwrap();
     let outcome = drive(&capture, &config, &BTreeMap::new());
     assert_eq!((outcome.faults, outcome.models.len()), (0, 0));
 }
@@ -230,7 +230,7 @@ fn calibration_mends_four_times_the_ticks() {
     let csv = std::fs::read(shared("20-ticks-per-turn/times4.csv").unwrap()).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let capture = folder.path().join("case.mcap");
-    ring::import(csv.as_slice(), "case.csv", &config, &capture).unwrap();
+    ring_import(&csv, "case.csv", &config, &capture).unwrap();
     let report = calibrate(&config, |config, _| -> Result<Drive, CalibrateError> {
         let mut mapper = Mapper::new(config);
         CaptureReader::open(&capture).unwrap().for_each(|record| mapper.take(&record.unwrap()));

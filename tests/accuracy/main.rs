@@ -4,5 +4,6 @@ mod bench;
 mod calibration;
 mod cases;
 mod evo;
+mod importing;
 mod recordings;
 mod replay;

@@ -5,11 +5,10 @@
 
 #![expect(clippy::unwrap_used, reason = "a test")]
 
+use crate::importing::{carmen_import, ring_import};
 use slamd::inspect::inspect;
 use slamd_capture::CaptureReader;
 use slamd_core::{Config, Driver, Event, Pose2, Update, wrap_angle};
-use slamd_eval::import::{ImportError, Options, Summary, carmen, ring};
-use slamd_files::{Output, OutputGuard};
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -25,18 +24,6 @@ fn data(name: &str) -> Option<PathBuf> {
         println!("skipped: {} is absent", path.display());
     }
     Some(path).filter(|path| path.exists())
-}
-
-fn output(capture: &Path) -> Output {
-    OutputGuard::new(true).output(capture).unwrap()
-}
-
-fn ring_import(csv: &[u8], file: &str, config: &Config, capture: &Path) -> Result<Summary, ImportError> {
-    ring::read(csv, file, config, &Options::default())?.write(output(capture))
-}
-
-fn carmen_import(log: &[u8], file: &str, config: &Config, capture: &Path) -> Result<Summary, ImportError> {
-    carmen::read(log, file, config, &Options::default())?.write(output(capture))
 }
 
 /// What the pipeline makes of a capture: how many sweeps, the poses by filter and by encoders, how many sensor states.

@@ -27,12 +27,16 @@ fn the_example_prints_poses() {
     assert!(lines.len() <= 10, "ten lines are enough, not {}", lines.len());
     let readme = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md")).unwrap();
     assert!(readme.contains(&lines[2..].join("\n")), "the README shows another example");
-    let mut python = Command::new("python3").arg(example).arg(address).stdout(Stdio::piped()).spawn().unwrap();
+    let mut python = Command::new("python3").arg(&example).arg(&address).stdout(Stdio::piped()).spawn().unwrap();
     let lines = BufReader::new(python.stdout.take().unwrap()).lines().take(5);
     let lines: Vec<String> = lines.map_while(Result::ok).collect();
     python.kill().unwrap();
     python.wait().unwrap();
     assert_eq!(lines.len(), 5, "{lines:?}");
+    // `| head` closes the pipe: that ends it without a complaint.
+    let piped = format!("python3 {} {address} | head -n 2", example.display());
+    let output = Command::new("sh").args(["-c", &piped]).output().unwrap();
+    assert!(output.stderr.is_empty() && output.stdout.split(|byte| *byte == b'\n').count() == 3, "{output:?}");
     assert!(lines.iter().all(|line| line.contains(" s: x ") && line.ends_with(" rad")), "{lines:?}");
     served.daemon.end();
 }

@@ -85,6 +85,38 @@ fn each_line_of_a_json_log_is_an_object() {
 }
 
 #[test]
+fn verbose_and_quiet_choose_what_is_logged() {
+    let log = |level: &str| slamd(&[level, "--port", "nowhere", "--config", "good.toml", "--duration", "0.2"]).1;
+    assert!(log("-q").contains("WARN") && !log("-q").contains("INFO"), "{}", log("-q"));
+    assert!(log("-v").contains("INFO"), "{}", log("-v"));
+    let (_, text) =
+        slamd_logging(&["-v", "--port", "nowhere", "--config", "good.toml", "--duration", "0.2"], Some("off"));
+    assert!(text.contains("INFO"), "-v does not override RUST_LOG: {text}");
+}
+
+#[test]
+fn errors_of_the_system_are_in_words() {
+    for (arguments, words) in [
+        (&["inspect", "."][..], "it is a folder, not a file"),
+        (&["simulate", "--duration", "1", "--capture", "good.toml/x.mcap"], "it is a file, not a folder"),
+        (&["replay", "still.mcap", "-o", "good.toml"], "it is a file, not a folder"),
+        (&["replay", "nowhere.mcap"], "there is no such file or folder"),
+    ] {
+        let (_, text) = slamd(arguments);
+        assert!(text.contains(words) && !text.contains("os error"), "{arguments:?}: {text}");
+    }
+}
+
+#[cfg(not(feature = "viewer"))]
+#[test]
+fn a_build_without_viewer_takes_viewer_off() {
+    let (code, text) = slamd(&["replay", "nowhere.mcap", "--viewer", "off"]);
+    assert!(code == 66, "{text}");
+    let (code, text) = slamd(&["replay", "nowhere.mcap", "--viewer", "spawn"]);
+    assert!(code == 64 && text.contains("this build of slamd has no viewer"), "{text}");
+}
+
+#[test]
 fn a_missing_capture_is_no_input() {
     let (code, text) = slamd(&["replay", "nowhere.mcap"]);
     assert_eq!(code, 66, "{text}");

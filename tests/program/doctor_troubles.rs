@@ -3,7 +3,9 @@
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
 use slamd::doctor::{Examination, Finding, Level, Report};
+use slamd_capture::{CaptureInfo, CaptureWriter, Record};
 use slamd_core::{Config, Timestamp};
+use slamd_protocol::{FrameEncoder, Message};
 use slamd_testkit::odd_board::{OddBoard, Oddity};
 
 fn examine(oddity: Oddity, seconds: u64) -> Report {
@@ -87,9 +89,88 @@ fn boards_that_give_no_sweep_are_named() {
     assert_only(&report, "line.board", ["does not say who it is (no HELLO)", "its RX"], &[]);
     let report = examine(Oddity::Ids, 20);
     assert_only(&report, "sensors.ids", ["echoes of sensor 100", "as GEOMETRY does"], &[]);
+    let report = examine(Oddity::HalfAngles, 20);
+    assert_only(&report, "line.content", ["half_angle_cdeg of GEOMETRY is 9500", "protocol/README.md"], &[]);
+    let report = examine(Oddity::Count, 20);
+    assert_only(&report, "line.settings", ["the places of 9 sensors but says it has 8", "[ring.circle]"], &[]);
     let report = examine(Oddity::Bearings, 20);
-    assert_only(&report, "line.content", ["bearing_cdeg of GEOMETRY", "protocol/README.md"], &["sensors.silent"]);
-    assert!(wrong(&report).iter().any(|finding| finding.id == "sensors.silent"), "\n{report}");
+    assert_eq!(wrong(&report).len(), 0, "\n{report}");
+    assert_only(&examine(Oddity::NeverFires, 20), "sensors.silent", ["fires no sensor", "reset button"], &[]);
+}
+
+#[test]
+fn inspect_names_the_reason_of_each_refusal() {
+    let folder = tempfile::tempdir().unwrap();
+    let frame = |message: Message| FrameEncoder::default().encode(&message).to_vec();
+    let refusals = |oddity: Oddity| {
+        let path = folder.path().join("drive.mcap");
+        let mut capture = CaptureWriter::create(&path, &CaptureInfo::default()).unwrap();
+        OddBoard::new(oddity).run(4, |now_us, said| {
+            let at = Timestamp::from_us(now_us);
+            capture.record(&Record::Received { at, bytes: said.to_vec() }).unwrap();
+            // The host would send these; the capture need not hold them.
+            if now_us % 500_000 == 0 {
+                [Message::GeometryRequest, Message::Start].map(frame).concat()
+            } else {
+                Vec::new()
+            }
+        });
+        capture.finish().unwrap();
+        let report = slamd::inspect::inspect(&path).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        (report.refusals.clone(), report.to_string())
+    };
+    let (none, text) = refusals(Oddity::None);
+    assert!(none.is_empty() && !text.contains("\nrefused"), "{text}");
+    for (oddity, words) in [
+        (Oddity::HalfAngles, "half_angle_cdeg of GEOMETRY is 9500, expected 0 to 9000"),
+        (Oddity::Count, "the places of 9 sensors but says it has 8"),
+        (Oddity::Ids, "SONAR names sensor 100, but the ring has 8"),
+    ] {
+        let (refusals, text) = refusals(oddity);
+        assert!(refusals[0].contains(words) && text.contains(&format!("\nrefused    {}", refusals[0])), "{text}");
+    }
+}
+
+#[test]
+fn a_recording_gets_no_advice_that_only_a_live_board_can_take() {
+    let mut examination = Examination::new(&Config::default(), 115_200, "test");
+    let mut records = Vec::new();
+    OddBoard::new(Oddity::Rests).run(10, |now_us, said| {
+        records.push(Record::Received { at: Timestamp::from_us(now_us), bytes: said.to_vec() });
+        let ask = [Message::GeometryRequest, Message::Start];
+        if now_us % 500_000 == 0 {
+            ask.map(|it| FrameEncoder::default().encode(&it).to_vec()).concat()
+        } else {
+            Vec::new()
+        }
+    });
+    records.iter().for_each(|record| examination.feed(record));
+    let report = examination.report();
+    let fixes: Vec<&String> = report.findings.iter().filter_map(|finding| finding.fix.as_ref()).collect();
+    assert!(fixes.iter().any(|fix| fix.starts_with("record a push of 30 cm")), "\n{report}");
+    for live in ["while this runs", "--seconds", "reset button"] {
+        assert!(fixes.iter().all(|fix| !fix.contains(live)), "\n{report}");
+    }
+}
+
+#[test]
+fn a_shipped_configuration_is_no_error_in_a_replay() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folder = tempfile::tempdir().unwrap();
+    let slamd = |arguments: &[&str]| {
+        let mut slamd = std::process::Command::new(env!("CARGO_BIN_EXE_slamd"));
+        let output = slamd.args(arguments).current_dir(folder.path()).output().unwrap();
+        let [out, log] = [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text).into_owned());
+        (output.status.code().unwrap(), out + &log)
+    };
+    assert_eq!(slamd(&["simulate", "--sensors", "8", "--duration", "30", "--capture", "a.mcap"]).0, 0);
+    let ring8 = root.join("configs/ring8.toml");
+    let ring8 = ring8.to_str().unwrap();
+    let (code, text) = slamd(&["doctor", "--capture", "a.mcap", "--config", ring8]);
+    assert!(code == 0 && !text.contains("does not answer"), "{text}");
+    let (code, text) = slamd(&["replay", "a.mcap", "--config", ring8]);
+    assert!(code == 0 && !text.contains("does not answer"), "{text}");
 }
 
 #[test]

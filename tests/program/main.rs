@@ -10,5 +10,6 @@ mod monitor;
 mod monitor_terminal;
 mod package;
 mod service;
+mod setup;
 mod systemd;
 mod udev;

@@ -49,8 +49,15 @@ const ESTIMATORS: &[&str] = &["fault", "orientation", "position", "mapping", "wa
 const WIRE: &[&str] = &["slamd_protocol", "align", "board", "conversation", "driver", "handshake", "link", "settings"];
 
 /// What holds state machines only: no file, socket, thread or clock.
-const SANS_IO: &[&str] =
-    &["crates/core/src", "crates/metrics/src", "crates/paper/src", "src/calibrate", "src/doctor", "src/monitor"];
+const SANS_IO: &[&str] = &[
+    "crates/core/src",
+    "crates/metrics/src",
+    "crates/paper/src",
+    "src/calibrate",
+    "src/doctor",
+    "src/monitor",
+    "src/setup",
+];
 const WORLD: &[&str] = &[
     "std::fs",
     "std::net",

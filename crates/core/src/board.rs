@@ -5,7 +5,7 @@
 #![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
 
 use crate::geometry::{Mounting, Pose2, Ring};
-use slamd_protocol::{Geometry, Hello, MAX_ECHOES};
+use slamd_protocol::{Geometry, Hello, MAX_SENSORS};
 
 /// Plausible limits: encoder ticks per turn, distance of a sensor, half angle of a beam.
 const MAX_TICKS: u32 = 10_000_000;
@@ -52,9 +52,9 @@ impl Board {
     /// One of its numbers is out of range.
     pub fn check(hello: &Hello) -> Result<(), String> {
         let sensors = usize::from(hello.sensors);
-        if !(1..=MAX_ECHOES).contains(&sensors) {
+        if !(1..=MAX_SENSORS).contains(&sensors) {
             return Err(format!(
-                "the board says it has {sensors} sensors, which must be 1 to {MAX_ECHOES}: correct its setting `sensors`"
+                "the board says it has {sensors} sensors, which must be 1 to {MAX_SENSORS}: correct its setting `sensors`"
             ));
         }
         if hello.ticks_per_turn > MAX_TICKS {

@@ -222,9 +222,6 @@ const fn one() -> u8 {
     1
 }
 
-/// Maximum number of sensors: a `SONAR` message holds no more.
-pub const MAX_SENSORS: usize = keys::MAX_SENSORS as usize;
-
 impl Config {
     /// Reads a TOML text.
     ///

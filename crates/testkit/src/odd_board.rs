@@ -17,6 +17,10 @@ pub enum Oddity {
     Ids,
     /// GEOMETRY gives bearings from 0 to 360 degrees.
     Bearings,
+    /// GEOMETRY gives half angles of 95 degrees.
+    HalfAngles,
+    /// GEOMETRY places one sensor more than HELLO says.
+    Count,
     /// START begins the cycle again, also while the ring fires.
     Restarts,
     /// START is acknowledged, but the ring never fires.
@@ -187,12 +191,13 @@ impl OddBoard {
 
     fn geometry(&mut self) {
         let place = |sensor: u8| {
-            let bearing_cdeg = 4_500 * i16::from(sensor);
+            let bearing_cdeg = 4_500 * i16::from(sensor % SENSORS);
             let wrapped = if bearing_cdeg > 18_000 { bearing_cdeg - 18_000 - 18_000 } else { bearing_cdeg };
             Placement { x_mm: 0, y_mm: 0, bearing_cdeg: wrapped, half_angle_cdeg: 1_250, group: sensor % GROUPS }
         };
-        if self.oddity != Oddity::Bearings {
-            let ring: Vec<Placement> = (0..SENSORS).map(place).collect();
+        if !matches!(self.oddity, Oddity::Bearings | Oddity::HalfAngles) {
+            let sensors = SENSORS + u8::from(self.oddity == Oddity::Count);
+            let ring: Vec<Placement> = (0..sensors).map(place).collect();
             for part in Geometry::of_ring(&ring).expect("a ring of eight") {
                 self.send(&Message::Geometry(part));
             }
@@ -203,7 +208,8 @@ impl OddBoard {
         for sensor in 0..SENSORS {
             payload.extend([0; 4]);
             payload.extend((4_500 * u16::from(sensor)).to_le_bytes());
-            payload.extend(1_250_u16.to_le_bytes());
+            let half_angle_cdeg: u16 = if self.oddity == Oddity::HalfAngles { 9_500 } else { 1_250 };
+            payload.extend(half_angle_cdeg.to_le_bytes());
             payload.push(sensor % GROUPS);
         }
         self.out.extend_from_slice(&encode_frame(kind::GEOMETRY, 0, &payload));

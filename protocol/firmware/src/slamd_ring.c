@@ -4,7 +4,7 @@
 #include "slamd_protocol.h"
 #include <math.h>
 
-#define SENSORS_MAX 32
+#define SENSORS_MAX 32 /* the pins of a Mega */
 #define TRIGGER_LINES 8
 #define HELLO_US 100000UL /* between two HELLO messages until the host answers */
 #define MUTE_CYCLES 8 /* unanswered pings in a row before a sensor is reported */
@@ -67,6 +67,7 @@ static bool groups_fit(int32_t groups) {
 }
 
 static bool accepts(uint8_t key, int32_t value) {
+    if (key == SLAMD_SENSORS && value > SENSORS_MAX) return false;
     return value >= limits[key - 1].least && value <= limits[key - 1].most && (key != SLAMD_GROUPS || groups_fit(value));
 }
 

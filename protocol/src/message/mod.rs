@@ -22,9 +22,11 @@ pub use text::Text;
 use crate::frame::PayloadBuf;
 use wire::{Reader, Writer};
 
+/// Maximum number of sensors of a ring: ids are 0 to 63, the bits of STATUS's `stuck_mask`.
+pub const MAX_SENSORS: usize = 64;
+
 /// A message of either direction.
 #[derive(Clone, Debug, PartialEq, Eq)]
-#[expect(clippy::large_enum_variant, reason = "there is no allocator to box a variant with")]
 pub enum Message {
     /// Board: its identity.
     Hello(Hello),

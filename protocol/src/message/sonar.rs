@@ -1,11 +1,11 @@
 //! SONAR: the echoes of one group of sensors that fired together.
 
-use super::MessageError;
 use super::wire::{Reader, Writer};
+use super::{MAX_SENSORS, MessageError};
 use arrayvec::ArrayVec;
 
-/// Maximum number of echoes in one SONAR.
-pub const MAX_ECHOES: usize = 76;
+/// Maximum number of echoes in one SONAR: each sensor once.
+pub const MAX_ECHOES: usize = MAX_SENSORS;
 
 /// The echoes of one group of sensors that fired together.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -93,7 +93,7 @@ impl Echo {
 
 impl Sonar {
     pub(super) fn parse(payload: &[u8]) -> Result<Self, MessageError> {
-        let mut fields = Reader::new("SONAR", "14 + 3n (n <= 76)", payload);
+        let mut fields = Reader::new("SONAR", "14 + 3n (n <= 64)", payload);
         Ok(Self {
             t_us: fields.u32()?,
             group: fields.u8()?,

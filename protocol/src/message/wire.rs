@@ -124,11 +124,11 @@ mod tests {
         let echoes = [SensorEcho { sensor: 0, echo: Echo::NoEcho }; MAX_ECHOES].into();
         let sonar = Sonar { t_us: 0, group: 0, last_of_cycle: true, left_ticks: 0, right_ticks: 0, echoes };
         let places = [Placement::default(); MAX_PLACEMENTS];
-        let geometry = Geometry::new(u8::MAX, 0, &places).unwrap();
+        let geometry = Geometry::new(64, 0, &places).unwrap();
         let log = Log { level: 0, text: Text::from_bytes(&[b'x'; MAX_PAYLOAD]) };
         let mut payload = PayloadBuf::new();
         for (message, length) in
-            [(Message::Sonar(sonar), 242), (Message::Geometry(geometry), 236), (Message::Log(log), MAX_PAYLOAD)]
+            [(Message::Sonar(sonar), 206), (Message::Geometry(geometry), 236), (Message::Log(log), MAX_PAYLOAD)]
         {
             message.emit(&mut payload);
             assert_eq!(payload.len(), length);

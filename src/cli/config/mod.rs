@@ -52,7 +52,7 @@ impl HowArgs {
 
     /// The configuration for a recording, with the method of the command line.
     pub(super) fn of_recording(&self, info: &CaptureInfo, capture: &Path) -> Result<Config, Failure> {
-        let config = of_recording(self.config.as_deref(), info, capture)?;
+        let config = of_replay(self.config.as_deref(), info, capture)?;
         Ok(Config { method: self.method.map_or(config.method, Method::from), ..config })
     }
 
@@ -89,6 +89,15 @@ pub(super) fn of_recording(named: Option<&Path>, info: &CaptureInfo, capture: &P
         });
     };
     read(named)
+}
+
+/// The same for a replay, where no board takes a setting: of these, the recording's own hold, whose answers it has.
+pub(super) fn of_replay(named: Option<&Path>, info: &CaptureInfo, capture: &Path) -> Result<Config, Failure> {
+    let mut config = of_recording(named, info, capture)?;
+    if named.is_some() {
+        config.board = Config::from_toml(&info.config_toml).map(|recorded| recorded.board).unwrap_or_default();
+    }
+    Ok(config)
 }
 
 /// The configuration from files and environment variables.
@@ -166,8 +175,14 @@ impl ConfigCommand {
                 Ok(())
             }
             What::Check { files } if files.is_empty() => {
-                of_robot(None)?;
-                terminal::say("ok");
+                let layers = robot_layers(None)?;
+                layers.finish()?;
+                let named = named_sources();
+                terminal::say(if named.is_empty() {
+                    "ok: the defaults; there is no file in ~/.config/slamd or /etc/slamd, and no variable is set".into()
+                } else {
+                    format!("ok: {}", named.join(", "))
+                });
                 Ok(())
             }
             What::Check { files } => check(&files),
@@ -181,12 +196,31 @@ impl ConfigCommand {
     }
 }
 
+/// What a checked file sets, for people.
+fn contents(config: &Config) -> String {
+    let text = config.to_toml_differences();
+    let values = text.lines().filter(|line| line.contains(" = ")).count();
+    match values {
+        0 => "every value is the default".into(),
+        1 => "1 value differs from the default".into(),
+        _ => format!("{values} values differ from the defaults"),
+    }
+}
+
+/// The files and variables that a robot's configuration comes from.
+fn named_sources() -> Vec<String> {
+    let files = files::files(None, &files::default_paths()).unwrap_or_default();
+    let files = files.iter().map(|path| path.display().to_string());
+    let variables = variables::variables(std::env::vars_os()).unwrap_or_default();
+    files.chain(variables.into_iter().map(|variable| variable.name)).collect()
+}
+
 /// Checks each file; the failure lists the errors of all files.
 fn check(files: &[PathBuf]) -> Result<(), Failure> {
     let mut failures: Vec<Failure> = Vec::new();
     for path in files {
         match read(path) {
-            Ok(_) => terminal::say(format_args!("{}: ok", path.display())),
+            Ok(config) => terminal::say(format_args!("{}: ok, {}", path.display(), contents(&config))),
             Err(failure) => failures.push(failure),
         }
     }

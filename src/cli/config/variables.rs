@@ -31,7 +31,6 @@ pub(in crate::cli) const OPTIONS: &[(&str, &str)] = &[
     ("mqtt_user", "SLAMD_MQTT_USER"),
     #[cfg(feature = "mqtt")]
     ("mqtt_password_file", "SLAMD_MQTT_PASSWORD_FILE"),
-    #[cfg(feature = "viewer")]
     ("viewer", "SLAMD_VIEWER"),
 ];
 /// Prefix of slamd's variables.

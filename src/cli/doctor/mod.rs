@@ -67,7 +67,7 @@ impl DoctorArgs {
 
     fn examine_capture(&self, path: &Path) -> Result<Report, Failure> {
         let mut capture = CaptureReader::open(path)?;
-        let config = config::of_recording(self.config.as_deref(), capture.info(), path)?;
+        let config = config::of_replay(self.config.as_deref(), capture.info(), path)?;
         let mut examination = Examination::new(&config, self.baud, &path.display().to_string());
         let bar = terminal::progress(None);
         for record in &mut capture {

@@ -25,6 +25,7 @@ struct Watched {
 #[derive(Clone, Copy, Debug, Default)]
 struct Said {
     unknown: bool,
+    twice: bool,
     overlap: bool,
     crosstalk: bool,
     /// Messages with a sensor in another group than before: a board may change its groups once.
@@ -46,7 +47,13 @@ impl RingCheck {
         let count = self.sensors.len();
         let (mut trouble, mut before) = (None, None);
         let mut is_elsewhere = None;
+        let mut named = 0_u64;
         for answer in &sonar.echoes {
+            let bit = 1_u64.checked_shl(answer.sensor.into()).unwrap_or(0);
+            if named & bit != 0 && !std::mem::replace(&mut self.said.twice, true) {
+                trouble = Some(Trouble::Twice(answer.sensor));
+            }
+            named |= bit;
             let Some(sensor) = self.sensors.get_mut(usize::from(answer.sensor)) else {
                 if !std::mem::replace(&mut self.said.unknown, true) {
                     trouble = Some(Trouble::UnknownSensor(answer.sensor, count));
@@ -117,6 +124,13 @@ mod tests {
     fn sensors_that_the_ring_does_not_have_are_said_once() {
         let troubles = said(|g, cycle| group(g, &[(g + 100, us(g, cycle))]));
         assert_eq!(troubles, [Trouble::UnknownSensor(100, 8)]);
+    }
+
+    #[test]
+    fn a_sensor_that_comes_twice_in_a_message_is_said_once() {
+        let troubles = said(|g, cycle| group(g, &[(g, us(g, cycle)), (g + 4, us(g, cycle)), (g, us(g + 1, cycle))]));
+        assert_eq!(troubles.first(), Some(&Trouble::Twice(0)), "{troubles:?}");
+        assert_eq!(troubles.iter().filter(|trouble| matches!(trouble, Trouble::Twice(_))).count(), 1);
     }
 
     #[test]

@@ -117,6 +117,8 @@ pub(crate) enum Trouble {
     TemperatureJump(f64, f64),
     /// This sensor is not in the ring of so many.
     UnknownSensor(u8, usize),
+    /// This sensor comes twice in a message.
+    Twice(u8),
     /// This sensor fires in two groups.
     Overlap(u8, u8, u8),
     /// Two sensors of one group always answer alike.
@@ -160,7 +162,7 @@ impl Trouble {
             Self::ClockRunsBack(_) | Self::ClockCountsMilliseconds | Self::ClockRate(_) => Topic::Clock,
             Self::Temperature(..) | Self::TemperatureJump(..) => Topic::Temperature,
             Self::UnknownSensor(..) => Topic::SensorIds,
-            Self::Overlap(..) => Topic::Groups,
+            Self::Twice(_) | Self::Overlap(..) => Topic::Groups,
             Self::Crosstalk(..) => Topic::Crosstalk,
             Self::FlightsInCentimetres => Topic::FlightUnit,
         }
@@ -200,6 +202,11 @@ impl fmt::Display for Trouble {
                 "the board reports echoes of sensor {sensor}, but the ring has {count} sensors, 0 to {}: number the \
                  sensors in SONAR as GEOMETRY does",
                 count.saturating_sub(1)
+            ),
+            Self::Twice(sensor) => write!(
+                f,
+                "the board reports sensor {sensor} twice in one message; the last echo is used: name each sensor of the \
+                 group once"
             ),
             Self::Overlap(sensor, one, other) => write!(
                 f,

@@ -6,8 +6,9 @@ use super::calibration::SIGMA_FLOOR;
 use super::shape::Shape;
 use slamd_protocol::Setting;
 
-/// Maximum number of sensors: a `SONAR` message holds no more.
-pub(super) const MAX_SENSORS: u8 = 76;
+/// [`slamd_protocol::MAX_SENSORS`] as the type of sensor ids.
+pub(super) const MAX_SENSORS: u8 = 64;
+const _: () = assert!(MAX_SENSORS as usize == slamd_protocol::MAX_SENSORS);
 
 /// One key.
 #[derive(Clone, Debug, PartialEq)]

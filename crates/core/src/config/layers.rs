@@ -281,9 +281,9 @@ mod tests {
         let said = "line 1: robot.wheel_base_m = \"wide\" does not fit: it must be a number from 0.02 to 3";
         assert_eq!(refusal("robot.wheel_base_m = 'wide'"), said);
         assert_eq!(refusal("robot = 3"), "line 1: robot = 3 does not fit: it must be a table, [robot]");
-        assert!(refusal("ring.circle.count = 8.0").contains("a whole number from 1 to 76"));
+        assert!(refusal("ring.circle.count = 8.0").contains("a whole number from 1 to 64"));
         assert!(refusal("ring.sensors = [1]").contains("ring.sensors.0 does not fit: it must be a table"));
-        assert!(refusal(&format!("ring.sensors = [{}]", "{}, ".repeat(77))).contains("at most 76 tables"));
+        assert!(refusal(&format!("ring.sensors = [{}]", "{}, ".repeat(65))).contains("at most 64 tables"));
         assert!(refusal(&format!("robot.wheel_base_m = '{}'", "w".repeat(999))).len() < 200);
     }
 
@@ -314,7 +314,7 @@ mod tests {
     #[test]
     fn values_that_do_not_go_together_are_refused() {
         let circle = "[ring.circle]\nradius_m = 0.1\nhalf_angle_deg = 9\n";
-        assert_eq!(refusal(circle), "line 1: ring.circle.count is missing: it must be a whole number from 1 to 76");
+        assert_eq!(refusal(circle), "line 1: ring.circle.count is missing: it must be a whole number from 1 to 64");
         let whole = format!("{circle}count = 4\n");
         assert!(
             refusal(&format!("{whole}groups = 5\n")).contains("at most ring.circle.count, which is 4 (see line 4)")

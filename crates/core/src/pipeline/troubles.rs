@@ -55,12 +55,8 @@ impl Pipeline {
         let is_of_line = |topic: Topic| match topic {
             Topic::Text | Topic::Content | Topic::SensorIds | Topic::Clock => true,
             Topic::Identity => self.board().hello().is_none(),
-            Topic::Settings
-            | Topic::Wheels
-            | Topic::Temperature
-            | Topic::Groups
-            | Topic::Crosstalk
-            | Topic::FlightUnit => false,
+            Topic::Settings => self.ring().is_none(),
+            Topic::Wheels | Topic::Temperature | Topic::Groups | Topic::Crosstalk | Topic::FlightUnit => false,
         };
         self.noted.troubles.iter().rev().find(|(topic, _)| is_of_line(*topic)).map(|(_, text)| text.as_str())
     }

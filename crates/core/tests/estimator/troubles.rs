@@ -150,12 +150,20 @@ fn boards_that_give_no_sweep_are_named() {
     for (oddity, words) in [
         (Oddity::Mute, "does not say who it is (no HELLO)"),
         (Oddity::Ids, "echoes of sensor 100, but the ring has 8 sensors"),
-        (Oddity::Bearings, "bearing_cdeg of GEOMETRY is 22500"),
+        (Oddity::HalfAngles, "half_angle_cdeg of GEOMETRY is 9500"),
+        (Oddity::Count, "the places of 9 sensors but says it has 8"),
     ] {
         let met = meet(oddity, 10);
         assert_named(&met, words, 10);
         assert!(met.causes.last().unwrap().contains(words), "{oddity:?}: {:?}", met.causes);
     }
+}
+
+#[test]
+fn bearings_from_0_to_360_degrees_are_as_good_as_others() {
+    let (usual, other) = (meet(Oddity::None, 10), meet(Oddity::Bearings, 10));
+    assert_eq!(other.troubles, Vec::<String>::new());
+    assert_eq!(other.counters.sweeps, usual.counters.sweeps);
 }
 
 #[test]

@@ -146,7 +146,7 @@ impl Case {
             "beam" => self.beam = value.parse()?,
             "faults" => self.mix = value.parse()?,
             "sensors" => {
-                self.sensors = value.parse().ok().filter(|count| (1..=76).contains(count)).ok_or_else(number)?;
+                self.sensors = value.parse().ok().filter(|count| (1..=64).contains(count)).ok_or_else(number)?;
             }
             _ => self.odometry_errors = value.parse().map_err(|_| number())?,
         }

@@ -100,7 +100,7 @@ impl Recorder {
         };
         recorder.write(&hello(&ring, ticks))?;
         let placements: Vec<Placement> = ring.mountings.iter().map(placement).collect();
-        let parts = Geometry::of_ring(&placements).map_err(|_| ImportError::Config("a ring of at most 76 sensors"))?;
+        let parts = Geometry::of_ring(&placements).map_err(|_| ImportError::Config("a ring of at most 64 sensors"))?;
         for part in parts {
             recorder.write(&Message::Geometry(part))?;
         }

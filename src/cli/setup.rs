@@ -1,0 +1,140 @@
+//! `slamd setup`: finds out how a robot is built, and writes its robot.toml.
+
+use super::serial::{self, TimedSetup};
+use super::{Failure, Kind, run, terminal};
+use crate::port::{self, PortName};
+use crate::setup::{Measured, Progress, Setup};
+use clap::Args;
+use std::io::{IsTerminal as _, Write as _};
+use std::path::{Path, PathBuf};
+
+const HELP: &str = "Examples:
+  slamd setup                                  asks, guides, and writes robot.toml
+  slamd setup --port /dev/ttyUSB0 --yes        asks nothing: for scripts and robots that drive by themselves
+  slamd setup --wheel-radius 0.034 --wheel-base 0.182 --out robots/kitchen.toml
+  slamd --port auto --config robot.toml        maps with the result
+
+It finds the number of sensors, swapped or reversed wheels, ticks per turn, wheel base, and a turned or mirrored ring. Push the robot 30 cm
+straight ahead, turn it left on the spot by one full turn, then drive it around a room for a few metres. A robot that drives by itself
+needs no push. The board stores what setup finds out about its encoders.
+
+Exit code: 0 written, 65 the board or the robot is wrong in a way that no configuration mends, 69 the port cannot be used, 73 the file exists.";
+
+/// Find out how a robot is built while it moves, and write its configuration.
+#[derive(Debug, Args)]
+#[command(after_help = HELP)]
+pub(super) struct SetupArgs {
+    /// The board's serial port, as `slamd --port` takes it.
+    #[arg(long, value_name = "PORT", default_value = "auto")]
+    port: PortName,
+    /// Bits per second.
+    #[arg(long, default_value_t = 115_200)]
+    baud: u32,
+    /// The file to write.
+    #[arg(short, long, value_name = "FILE", default_value = "robot.toml")]
+    out: PathBuf,
+    /// Replace the file if it exists.
+    #[arg(long)]
+    force: bool,
+    /// Ask nothing; the default without a terminal.
+    #[arg(short, long)]
+    yes: bool,
+    /// Measured radius of a driven wheel, metres.
+    #[arg(long, value_name = "METRES", value_parser = metres)]
+    wheel_radius: Option<f64>,
+    /// Measured distance between the driven wheels, metres.
+    #[arg(long, value_name = "METRES", value_parser = metres)]
+    wheel_base: Option<f64>,
+    /// Give up after this time.
+    #[arg(long, value_name = "SECONDS", default_value = "300", value_parser = super::seconds)]
+    timeout: f64,
+}
+
+/// Parses a measure of a robot.
+fn metres(text: &str) -> Result<f64, String> {
+    let metres = text.parse::<f64>().ok().filter(|metres| (0.005..=3.0).contains(metres));
+    metres.ok_or_else(|| "it must be metres from 0.005 to 3".into())
+}
+
+impl SetupArgs {
+    pub(super) fn run(self) -> Result<(), Failure> {
+        let name = self.out.display().to_string();
+        if self.out.is_dir() {
+            return Err(Failure::new(Kind::CantCreate, format!("{name} is a folder: name a file with --out")));
+        }
+        if self.out.exists() && !self.force {
+            let text = format!("{name} exists: replace it with --force, or name another file with --out");
+            return Err(Failure::new(Kind::CantCreate, text));
+        }
+        let asks = !self.yes && std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
+        let mut measured = Measured { wheel_radius_m: self.wheel_radius, wheel_base_m: self.wheel_base };
+        if asks {
+            ask_measures(&mut measured);
+        }
+        let runtime = run::runtime()?;
+        let _guard = runtime.enter();
+        let unusable = |error: &dyn std::fmt::Display| Failure::new(Kind::Unavailable, error.to_string());
+        let path = self.port.resolve().map_err(|error| unusable(&error))?;
+        let stream = port::open(&path, self.baud).map_err(|error| unusable(&error))?;
+        let port = path.display().to_string();
+        let setup = Setup::new(measured, self.baud, &port, self.timeout);
+        let mut timed = TimedSetup { setup, timeout_s: self.timeout };
+        let gone = runtime.block_on(serial::listen(&mut timed, stream, false));
+        let setup = timed.setup;
+        match setup.progress() {
+            Progress::Done(text) => {
+                setup.complaints().iter().for_each(|complaint| eprintln!("{}", terminal::plain(complaint)));
+                self.write(text, asks)
+            }
+            Progress::Failed(text) => Err(Failure::new(Kind::Data, text.clone())),
+            Progress::Busy => {
+                let text = gone.unwrap_or_else(|| "it ended early".into());
+                Err(Failure::new(Kind::Unavailable, format!("{port} went away: {text}; nothing was written")))
+            }
+        }
+    }
+
+    fn write(&self, text: &str, asks: bool) -> Result<(), Failure> {
+        let name = self.out.display();
+        terminal::say(text.trim_end());
+        if asks && !ask(&format!("Write this to {name}? [Y/n] ")).is_none_or(|answer| "yes".starts_with(&answer)) {
+            return Err(Failure::new(Kind::NothingMapped, "nothing was written"));
+        }
+        let folder =
+            self.out.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or_else(|| Path::new("."));
+        let write = || -> std::io::Result<()> {
+            let mut file = tempfile::NamedTempFile::new_in(folder)?;
+            file.write_all(text.as_bytes())?;
+            file.as_file().sync_all()?;
+            let written = if self.force { file.persist(&self.out) } else { file.persist_noclobber(&self.out) };
+            written.map(drop).map_err(|error| error.error)
+        };
+        write().map_err(|error| {
+            Failure::new(Kind::CantCreate, format!("{name}: {error}; name a file that can be written with --out"))
+        })?;
+        terminal::say(format_args!("wrote {name}; now: slamd --port {} --config {name}", self.port));
+        Ok(())
+    }
+}
+
+/// Asks for the wheels' measures; Enter leaves one to the walls.
+fn ask_measures(measured: &mut Measured) {
+    let number = |question: &str, scale: f64| {
+        let answer = ask(question)?;
+        metres(&(answer.replace(',', ".").parse::<f64>().ok()? * scale).to_string()).ok()
+    };
+    if measured.wheel_radius_m.is_none() {
+        measured.wheel_radius_m = number("Diameter of a wheel, mm (Enter if unknown): ", 0.0005);
+    }
+    if measured.wheel_base_m.is_none() {
+        measured.wheel_base_m = number("Distance between the wheels, mm (Enter if unknown): ", 0.001);
+    }
+}
+
+/// The answer to a question at the terminal; none if it is empty.
+fn ask(question: &str) -> Option<String> {
+    eprint!("{question}");
+    let mut answer = String::new();
+    std::io::stdin().read_line(&mut answer).ok()?;
+    Some(answer.trim().to_lowercase()).filter(|answer| !answer.is_empty())
+}

@@ -1,0 +1,197 @@
+//! Watches the robot move: what contradicts the configuration, and when enough agrees with it.
+
+use super::robot::{self, Change, Wiring};
+use super::{ENOUGH_M, ENOUGH_RAD, Measured, Phase, Progress, Setup};
+use crate::doctor::{Mistake, simple_factor};
+use slamd_core::{EncoderState, ModelState, Timestamp, config::RobotConfig};
+
+/// A drill without a drive after it is enough after this time, seconds.
+const AFTER_DRILL_S: f64 = 10.0;
+/// Corrections before setup gives up.
+const MAX_ROUNDS: usize = 6;
+/// Further findings of one drive follow within this time, seconds.
+const GATHER_S: f64 = 0.5;
+/// Counted turns within these bounds are the one full turn that the drill asks for, radians.
+const FULL_TURN_RAD: [f64; 2] = [4.7, 7.9];
+
+impl Setup {
+    pub(super) fn watch(&mut self, at: Timestamp) {
+        let changes = self.changes();
+        if changes.is_empty() {
+            return self.judge(at);
+        }
+        if at.seconds_since(*self.found_at.get_or_insert(at)) < GATHER_S {
+            return;
+        }
+        self.correct(&changes, at);
+    }
+
+    /// What the drill, the walls and the encoders contradict.
+    fn changes(&self) -> Vec<Change> {
+        let state = self.examination.state();
+        let models = state.models().iter().filter(|event| event.state != ModelState::Resolved);
+        let mut changes: Vec<Change> = models.filter_map(|event| Change::of_model(&event.finding)).collect();
+        let reversed = state.encoders().map(|encoder| encoder == EncoderState::Reversed);
+        if reversed != [false; 2] {
+            changes.push(Change::Reverse(reversed));
+        }
+        let drill = self.examination.drill();
+        if changes.is_empty() && !self.is_drilled && drill.is_by_hand() && drill.is_done() {
+            changes = self.of_drill();
+        }
+        changes
+    }
+
+    fn of_drill(&self) -> Vec<Change> {
+        let pipeline = self.examination.pipeline();
+        let Some(ring) = pipeline.ring() else { return Vec::new() };
+        let result = self.examination.drill().result(ring);
+        let of_mistake = |mistake: Mistake| match mistake {
+            Mistake::WheelScale(factor) => Change::Ticks(factor),
+            Mistake::RangeScale(factor) => Change::Size(factor),
+            Mistake::RingTurned(turned_rad) => Change::Ring(turned_rad),
+            Mistake::Swapped => Change::Swap,
+            Mistake::Mirrored => Change::Mirror,
+        };
+        let mut changes: Vec<Change> = result.mistakes().into_iter().map(of_mistake).collect();
+        // Without walls around it the person's word counts: the turn was to the left.
+        if result.wheels_turn_left() == Some(false) && result.walls_turn_left.is_none() {
+            changes.push(Change::Swap);
+        }
+        if let Some(reversed) = result.reversed().filter(|reversed| *reversed != [false; 2]) {
+            changes.push(Change::Reverse(reversed));
+        }
+        let has_scale = changes.iter().any(|change| matches!(change, Change::Ticks(_) | Change::Size(_)));
+        let turned_rad = self.examination.drill().turned_rad();
+        if !has_scale
+            && self.measured.wheel_base_m.is_none()
+            && (FULL_TURN_RAD[0]..=FULL_TURN_RAD[1]).contains(&turned_rad)
+        {
+            let factor = turned_rad / std::f64::consts::TAU;
+            let base_m = factor * self.config.robot.wheel_base_m;
+            changes.extend(((factor - 1.0).abs() > 0.03).then_some(Change::Base(base_m)));
+        }
+        changes
+    }
+
+    fn correct(&mut self, changes: &[Change], at: Timestamp) {
+        let is_drill = self.examination.drill().is_by_hand() && self.examination.drill().is_done();
+        self.is_drilled |= is_drill;
+        self.rounds += 1;
+        let mut wiring = self.wiring.unwrap_or_default();
+        for change in changes {
+            // The person pushed it by 30 cm: the size is right.
+            if let (Change::Size(factor), true) = (change, is_drill) {
+                return self.fail(unit(*factor));
+            }
+            robot::change(&mut self.config, &mut wiring, *change);
+            self.found.push(change.words());
+        }
+        self.wiring = Some(wiring);
+        if self.rounds > MAX_ROUNDS {
+            let found = self.found.join("; ");
+            return self.fail(format!(
+                "each correction contradicts the one before ({found}): look at the findings of `slamd doctor`"
+            ));
+        }
+        self.begin_watch(at);
+    }
+
+    /// Whether what was seen is enough.
+    fn judge(&mut self, at: Timestamp) {
+        let drill = self.examination.drill();
+        let (path_m, turned_rad) = drill.moved();
+        let state = self.examination.state();
+        let is_enough = path_m > ENOUGH_M && turned_rad > ENOUGH_RAD;
+        let agrees = is_enough && !state.is_lost() && state.estimate().is_some();
+        if path_m > 2.0 * ENOUGH_M && state.estimate().is_none() {
+            let complaint = self.complaints().into_iter().next();
+            let why = complaint.unwrap_or_else(|| "drive it nearer to walls".into());
+            return self.fail(format!("the robot drives, but its readings show no walls; {why}"));
+        }
+        let has_drilled = drill.is_by_hand() && drill.is_done();
+        if has_drilled && !self.is_drilled {
+            self.is_drilled = true;
+        }
+        let rests = self.is_drilled && self.own(at).seconds() > AFTER_DRILL_S && drill.still_s() > AFTER_DRILL_S
+            || self.is_drilled && path_m < 0.01 && self.own(at).seconds() > AFTER_DRILL_S;
+        if agrees || rests {
+            self.finish(agrees, at);
+        }
+    }
+
+    /// Travel and turning were corrected one after the other: the size of the robot, or ticks per turn? The error is a unit of the ranges
+    /// or a size that contradicts the ruler.
+    fn settle_size(&mut self) -> Result<(), String> {
+        let RobotConfig { wheel_radius_m: radius_m, wheel_base_m: base_m, .. } = self.measured.robot();
+        let factor = self.config.robot.wheel_radius_m / radius_m;
+        if (factor - 1.0).abs() < 0.1 {
+            return Ok(());
+        }
+        let is_size = libm::log(self.config.robot.wheel_base_m / base_m / factor).abs() < 0.15;
+        let said = self.examination.pipeline().board().ticks_per_turn();
+        if is_size && said == self.config.robot.ticks_per_turn {
+            let is_measured = self.measured != Measured::default();
+            return if is_measured || (0.4..0.6).contains(&factor) { Err(unit(factor)) } else { Ok(()) };
+        }
+        self.config.robot.wheel_radius_m = radius_m;
+        robot::change(&mut self.config, &mut Wiring::default(), Change::Ticks(1.0 / factor));
+        Ok(())
+    }
+
+    /// The walls tell a scale to a few per cent; what mistakes make is a simple factor.
+    fn settle_ticks(&mut self) {
+        let said = self.examination.pipeline().board().ticks_per_turn();
+        if let (Some(said), Some(ticks)) = (said.map(f64::from), self.config.robot.ticks_per_turn.map(f64::from)) {
+            let factor = simple_factor(ticks / said);
+            robot::change(&mut self.config, &mut Wiring::default(), Change::Ticks(factor * said / ticks));
+        }
+    }
+
+    fn finish(&mut self, is_confirmed: bool, at: Timestamp) {
+        let before = self.config.robot.clone();
+        if let Err(text) = self.settle_size() {
+            return self.fail(text);
+        }
+        self.settle_ticks();
+        let pipeline = self.examination.pipeline();
+        let calibration = pipeline.calibration().filter(|found| found.wheel_base_sigma_m < 0.02 * found.wheel_base_m);
+        if let (Some(found), true, None) = (calibration, is_confirmed, self.measured.wheel_base_m) {
+            self.config.robot.wheel_base_m = (found.wheel_base_m * 1e3).round() / 1e3;
+        }
+        let is_other = self.config.robot.ticks_per_turn != before.ticks_per_turn
+            || libm::log(self.config.robot.wheel_base_m / before.wheel_base_m).abs() > 0.02;
+        if is_confirmed && is_other && self.rounds <= MAX_ROUNDS {
+            self.rounds += 1;
+            return self.begin_watch(at);
+        }
+        let said = pipeline.board().ticks_per_turn();
+        let assumed = self.measured.robot();
+        let wirings = (self.wiring_before, self.wiring.unwrap_or_default());
+        self.found = robot::differences(&self.config, &assumed, said, wirings);
+        if self.found.is_empty() {
+            self.found.push("the robot is as the board says".into());
+        }
+        if wirings.0.is_swapped != wirings.1.is_swapped && !self.is_drilled {
+            self.found.push(
+                "walls cannot tell this from sensors that are numbered the other way round; if the map is a mirror image, set \
+                 wheels_swapped = false, and mirrored = true in [ring]"
+                    .into(),
+            );
+        }
+        if !is_confirmed {
+            self.found.push("only a drill by hand was seen; no drive has confirmed it".into());
+        }
+        let text = robot::to_toml(&self.config, pipeline.board(), &self.found);
+        self.phase = Phase::Over(Progress::Done(text));
+    }
+}
+
+/// Why a size that only the ranges tell is not believed.
+fn unit(factor: f64) -> String {
+    format!(
+        "the walls come nearer by {factor:.2} of the travel that the wheels report, and turning agrees: if the board sends one-way times \
+         of flight or another unit, correct its firmware; if the robot has another size, name its measures with --wheel-radius and \
+         --wheel-base"
+    )
+}
