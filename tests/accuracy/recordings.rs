@@ -9,6 +9,7 @@ use crate::importing::{carmen_import, ring_import};
 use slamd::inspect::inspect;
 use slamd_capture::CaptureReader;
 use slamd_core::{Config, Driver, Event, Pose2, Update, wrap_angle};
+use slamd_eval::import::{ImportError, Summary};
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
