@@ -19,9 +19,11 @@ mod expected_range;
 mod initializer;
 mod initializing;
 mod introspection;
+mod lost;
 mod map_update;
 mod odometry_outage;
 pub(crate) mod params;
+pub(crate) mod place;
 mod pose_history;
 mod relocalizer;
 mod relocalizing;
@@ -38,6 +40,7 @@ use crate::position::ekf_slam::EkfSlam;
 use crate::saved_state::{InvalidState, SavedState};
 use crate::sweep::Sweep;
 use initializing::Initializing;
+use lost::Lost;
 use odometry_outage::OdometryOutage;
 use relocalizing::Relocalizing;
 use stages::Stages;
@@ -60,6 +63,8 @@ enum Mode {
     Tracking(Tracking),
     /// The pose is in doubt; walls and map are kept as they are.
     Relocalizing(Relocalizing),
+    /// The robot is elsewhere; walls and map are kept as they are.
+    Lost(Lost),
     /// A wheel encoder is dead, so the motion is unknown.
     OdometryOutage(OdometryOutage),
 }
@@ -72,6 +77,7 @@ impl WallSlam {
             Mode::Initializing(initializing) => initializing.update(sweep, stages, events),
             Mode::Tracking(tracking) => tracking.update(sweep, stages, events),
             Mode::Relocalizing(relocalizing) => relocalizing.update(sweep, stages, events),
+            Mode::Lost(lost) => lost.update(sweep, stages, events),
             Mode::OdometryOutage(outage) => outage.update(sweep, stages, events),
         };
         // The other modes say themselves that the pose is unknown.

@@ -12,6 +12,7 @@
 /// | `min_sensors_to_detect_loss` | 12 | sensors | measured: with 8 sensors one drive in three raised a false alarm (commit "Heading from how misfits along a wall grow with a turn") | Too small: false alarms suspend mapping. Too large: a kidnapped robot with a small ring is not noticed |
 /// | `vague_sigma_m` | 0.3 | m | by design: a silent error begins at 0.3 m | Too small: poses on the way through a hall are called uncertain. Too large: a robot that no wall corrects says nothing |
 /// | `known_sigma_m` | 0.15 | m | by hand: half of `vague_sigma_m` | Near `vague_sigma_m`: the doubt comes and goes |
+/// | `lost_within_m` | 3 | m | by hand: a room | Too small: the stated error of a lost robot is exceeded. Too large: a nudge looks like a journey |
 /// | `same_pose_m` | 0.25 | m | not measured since the first version | Too small: a false alarm moves a robot that was right. Too large: it stays where it is not |
 /// | `same_pose_rad` | 0.15 | rad | not measured since the first version | As `same_pose_m` |
 /// | `catch_up_sweeps` | 8 | sweeps | not measured since the first version | Too small: the first poses come late. Too large: a sweep takes longer than the time to the next |
@@ -56,6 +57,8 @@ pub struct Params {
     pub vague_sigma_m: f64,
     /// And no more below this one, metres.
     pub known_sigma_m: f64,
+    /// Standard deviation of the position of a lost robot, metres.
+    pub lost_within_m: f64,
     /// A pose found within this distance of the estimate does not move it, metres.
     pub same_pose_m: f64,
     /// The same for the heading, radians.
@@ -130,6 +133,7 @@ impl Default for Params {
             min_sensors_to_detect_loss: 12,
             vague_sigma_m: 0.3,
             known_sigma_m: 0.15,
+            lost_within_m: 3.0,
             same_pose_m: 0.25,
             same_pose_rad: 0.15,
             catch_up_sweeps: 8,

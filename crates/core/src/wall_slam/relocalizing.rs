@@ -24,7 +24,8 @@ impl Relocalizing {
         let predicted = robot.predict(sweep);
         // The map says nothing of the sensors while the pose is in doubt.
         let judged = Judged::new(sweep, None, stages, events);
-        match encoder_fault::respond(predicted, &judged, Some(&relocalizer), stages, events) {
+        let doubt = Some((relocalizer.since, relocalizer.since_sweep));
+        match encoder_fault::respond(predicted, &judged, doubt, stages, events) {
             Response::Continue(predicted) => Self::follow(predicted, relocalizer, &judged, stages, events).into(),
             Response::Relocalize(predicted, relocalizer) => {
                 Self::follow(predicted, relocalizer, &judged, stages, events).into()

@@ -3,11 +3,15 @@
 use super::doubts::{Doubt, Doubts};
 use super::expected_range;
 use super::params::Params;
+use super::place::monitor::{PlaceMonitor, Scene};
+use super::place::params::Params as PlaceParams;
+use super::place::search::PlaceSearch;
+use super::place::trail::Trail;
 use crate::config::Config;
 use crate::event::{Calibration, Event};
 use crate::fault::detector::Detector;
 use crate::fault::encoder::{EncoderChange, EncoderWatch};
-use crate::geometry::{Placement, Ring};
+use crate::geometry::{Placement, Pose2, Ring};
 use crate::mapping::grid::OccupancyGrid;
 use crate::orientation::dominant_directions::DominantDirections;
 use crate::params;
@@ -37,6 +41,11 @@ pub(super) struct Stages {
     /// The last sweep whose echoes agreed with the walls.
     pub(super) last_agreement: (u64, Timestamp),
     pub(super) doubts: Doubts,
+    place_params: PlaceParams,
+    /// Whether the map still agrees with what is heard.
+    pub(super) place: PlaceMonitor,
+    /// The readings of the last metres.
+    pub(super) trail: Trail,
     /// The noise that the readings show, metres, if it is far more than configured; and whether that was told.
     far_range_sigma_m: (Option<f64>, bool),
 }
@@ -68,6 +77,9 @@ impl Stages {
             can_detect_loss: ring.len() >= params.wall_slam.min_sensors_to_detect_loss,
             last_agreement: (0, Timestamp::default()),
             doubts: Doubts::default(),
+            place_params: params.place,
+            place: PlaceMonitor::new(&params.place),
+            trail: Trail::new(&params.place),
             far_range_sigma_m: (None, false),
             params: params.wall_slam,
             position,
@@ -115,6 +127,34 @@ impl Stages {
         }
     }
 
+    /// The map and what the ring can measure.
+    pub(super) fn scene(&self) -> Scene<'_> {
+        Scene { grid: &self.grid, max_range_m: self.max_range_m, params: &self.place_params }
+    }
+
+    /// Keeps a sweep's readings after a motion by the wheels. Returns the way of it, metres.
+    pub(super) fn follow_way(&mut self, sweep: &Sweep, step: Pose2) -> f64 {
+        self.trail.add(sweep, step, |sensor| self.detector.is_trusted(sensor))
+    }
+
+    /// Forgets the readings of the last metres: the wheels were wrong.
+    pub(super) fn forget_way(&mut self) {
+        self.trail.clear();
+        self.place.reset();
+    }
+
+    /// Compares a sweep seen from `pose` with the map.
+    pub(super) fn check_place(&mut self, sweep: &Sweep, pose: Pose2, way_m: f64) {
+        let scene = Scene { grid: &self.grid, max_range_m: self.max_range_m, params: &self.place_params };
+        self.place.add(&scene, sweep, pose, way_m, |sensor| self.detector.is_trusted(sensor));
+    }
+
+    /// Searches a lost robot a little farther.
+    pub(super) fn search(&mut self, search: &mut PlaceSearch) -> Option<Pose2> {
+        let scene = Scene { grid: &self.grid, max_range_m: self.max_range_m, params: &self.place_params };
+        search.step(&self.trail, &scene, &mut self.finder)
+    }
+
     /// Runs the encoders' fault tests.
     pub(super) fn judge_encoders(&mut self, sweep: &Sweep, events: &mut Vec<Event>) -> Option<EncoderChange> {
         self.encoders.inspect(sweep, |sensor| self.detector.is_trusted(sensor), events)
@@ -148,6 +188,7 @@ impl Stages {
     /// Continues with another map. Returns seen in the old one are discarded.
     pub(super) fn replace_map(&mut self, grid: OccupancyGrid) {
         self.grid = grid;
+        self.forget_way();
         self.heading_check.directions.clear();
     }
 

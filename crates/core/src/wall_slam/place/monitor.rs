@@ -1,0 +1,114 @@
+//! Sums the log-likelihood ratio of "the robot is elsewhere" against "it is where the filter believes" along its way: Page's CUSUM. Its
+//! last zero dates the onset.
+//!
+//! Readings of one beam repeat themselves, so a sweep counts by the way since the last one, and no ring counts for more than eight beams.
+
+use super::agreement::{Outcome, outcome};
+use super::params::Params;
+use crate::geometry::{Placement, Pose2};
+use crate::mapping::grid::OccupancyGrid;
+use crate::sweep::{Beam, Sweep};
+use crate::time::Timestamp;
+
+/// The evidence against the believed pose.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::wall_slam) struct PlaceMonitor {
+    sum: f64,
+    /// The last sweep without any evidence.
+    onset: (u64, Timestamp),
+    params: Params,
+}
+
+/// The map and what a ring can measure.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::wall_slam) struct Scene<'a> {
+    pub(in crate::wall_slam) grid: &'a OccupancyGrid,
+    pub(in crate::wall_slam) max_range_m: f64,
+    pub(in crate::wall_slam) params: &'a Params,
+}
+
+/// What the readings of some beams say of a pose.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Tally {
+    /// Sum of the beams' log-likelihood ratios, nats.
+    pub(super) sum: f64,
+    pub(super) beams: f64,
+    pub(super) explained: f64,
+    pub(super) contradicted: f64,
+}
+
+impl Scene<'_> {
+    /// Adds one reading of a sensor there.
+    pub(super) fn add(&self, tally: &mut Tally, map_from_sensor: Pose2, beam: &Beam) {
+        if !beam.has_range() && !beam.is_clear() {
+            return;
+        }
+        let range_m = beam.has_range().then_some(beam.range_m);
+        let found = outcome(self.grid, map_from_sensor, beam.half_angle_rad, range_m, self.max_range_m, self.params);
+        tally.sum += self.params.weights[found as usize];
+        tally.beams += 1.0;
+        match found {
+            Outcome::Explained => tally.explained += 1.0,
+            Outcome::Unknown => {}
+            _ => tally.contradicted += 1.0,
+        }
+    }
+
+    /// The evidence of a tally gathered over `way_m`, nats.
+    pub(super) fn evidence(&self, tally: &Tally, way_m: f64) -> f64 {
+        let mean = tally.sum / tally.beams.max(1.0);
+        mean * tally.beams.min(self.params.max_beams as f64) * way_m / self.params.independent_m
+    }
+}
+
+impl PlaceMonitor {
+    pub(in crate::wall_slam) fn new(params: &Params) -> Self {
+        Self { sum: 0.0, onset: (0, Timestamp::default()), params: *params }
+    }
+
+    /// Begins anew: the pose was moved.
+    pub(in crate::wall_slam) fn reset(&mut self) {
+        self.sum = 0.0;
+    }
+
+    /// Adds a sweep seen from `pose`, after so much way.
+    pub(in crate::wall_slam) fn add(
+        &mut self,
+        scene: &Scene<'_>,
+        sweep: &Sweep,
+        pose: Pose2,
+        way_m: f64,
+        is_trusted: impl Fn(usize) -> bool,
+    ) {
+        let pose = Placement::from(pose);
+        let mut tally = Tally::default();
+        // Of a large ring every second or fourth sensor is enough; the others follow in the next sweeps.
+        let stride = (sweep.beams.len() / self.params.max_beams).max(1);
+        let first = usize::try_from(sweep.index % stride as u64).unwrap_or(0);
+        for (sensor, beam) in sweep.beams.iter().enumerate().skip(first).step_by(stride) {
+            if is_trusted(sensor) {
+                scene.add(&mut tally, pose * beam.robot_from_sensor, beam);
+            }
+        }
+        let way_m = way_m.min(self.params.max_step_m);
+        self.sum = (self.sum + scene.evidence(&tally, way_m) - self.params.leak_per_m * way_m).max(0.0);
+        if self.sum <= 0.0 {
+            self.onset = (sweep.index, sweep.at);
+        }
+    }
+
+    /// The last sweep before the evidence began.
+    pub(in crate::wall_slam) const fn onset(&self) -> (u64, Timestamp) {
+        self.onset
+    }
+
+    /// True while so much contradicts that the map is suspended.
+    pub(in crate::wall_slam) fn is_suspicious(&self) -> bool {
+        self.sum > self.params.suspect
+    }
+
+    /// True once the robot is elsewhere.
+    pub(in crate::wall_slam) fn is_lost(&self) -> bool {
+        self.sum > self.params.lost
+    }
+}
