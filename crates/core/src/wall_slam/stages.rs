@@ -3,9 +3,10 @@
 use super::doubts::{Doubt, Doubts};
 use super::expected_range;
 use super::params::Params;
+use super::place::jump::JumpDetector;
 use super::place::monitor::{PlaceMonitor, Scene};
 use super::place::params::Params as PlaceParams;
-use super::place::search::PlaceSearch;
+use super::place::search::{Find, PlaceSearch};
 use super::place::trail::Trail;
 use crate::config::Config;
 use crate::event::{Calibration, Event};
@@ -41,11 +42,12 @@ pub(super) struct Stages {
     /// The last sweep whose echoes agreed with the walls.
     pub(super) last_agreement: (u64, Timestamp),
     pub(super) doubts: Doubts,
-    place_params: PlaceParams,
+    pub(super) place_params: PlaceParams,
     /// Whether the map still agrees with what is heard.
     pub(super) place: PlaceMonitor,
     /// The readings of the last metres.
     pub(super) trail: Trail,
+    jumps: JumpDetector,
     /// The noise that the readings show, metres, if it is far more than configured; and whether that was told.
     far_range_sigma_m: (Option<f64>, bool),
 }
@@ -80,6 +82,7 @@ impl Stages {
             place_params: params.place,
             place: PlaceMonitor::new(&params.place),
             trail: Trail::new(&params.place),
+            jumps: JumpDetector::new(ring.len(), &params.place),
             far_range_sigma_m: (None, false),
             params: params.wall_slam,
             position,
@@ -132,9 +135,15 @@ impl Stages {
         Scene { grid: &self.grid, max_range_m: self.max_range_m, params: &self.place_params }
     }
 
-    /// Keeps a sweep's readings after a motion by the wheels. Returns the way of it, metres.
-    pub(super) fn follow_way(&mut self, sweep: &Sweep, step: Pose2) -> f64 {
-        self.trail.add(sweep, step, |sensor| self.detector.is_trusted(sensor))
+    /// Keeps a sweep's readings after a motion by the wheels. Returns the way of it, metres; none if the robot was carried.
+    pub(super) fn follow_way(&mut self, sweep: &Sweep, step: Pose2) -> Option<f64> {
+        let is_trusted = |sensor| self.detector.is_trusted(sensor);
+        let is_carried = self.jumps.add(sweep, step, is_trusted);
+        if is_carried {
+            self.trail.clear();
+        }
+        let way_m = self.trail.add(sweep, step, is_trusted);
+        (!is_carried).then_some(way_m)
     }
 
     /// Forgets the readings of the last metres: the wheels were wrong.
@@ -144,13 +153,20 @@ impl Stages {
     }
 
     /// Compares a sweep seen from `pose` with the map.
-    pub(super) fn check_place(&mut self, sweep: &Sweep, pose: Pose2, way_m: f64) {
+    pub(super) fn check_place(&mut self, sweep: &Sweep, pose: Pose2, way_m: Option<f64>) {
+        let Some(way_m) = way_m else { return self.place.jump() };
         let scene = Scene { grid: &self.grid, max_range_m: self.max_range_m, params: &self.place_params };
         self.place.add(&scene, sweep, pose, way_m, |sensor| self.detector.is_trusted(sensor));
     }
 
+    /// Tells the search that the pose it found is wrong.
+    pub(super) fn reject(&mut self, search: &mut PlaceSearch) {
+        search.reject(&self.trail, &self.place_params);
+        self.place.reset();
+    }
+
     /// Searches a lost robot a little farther.
-    pub(super) fn search(&mut self, search: &mut PlaceSearch) -> Option<Pose2> {
+    pub(super) fn search(&mut self, search: &mut PlaceSearch) -> Option<Find> {
         let scene = Scene { grid: &self.grid, max_range_m: self.max_range_m, params: &self.place_params };
         search.step(&self.trail, &scene, &mut self.finder)
     }

@@ -99,11 +99,13 @@ impl Predicted {
     }
 
     /// Leaves the pose where the wheels put it: the walls around it are not those that the map has there.
-    pub(super) fn hold<'s>(mut self, judged: &Judged<'s>, stages: &mut Stages) -> Corrected<'s> {
+    ///
+    /// Tells whether the robot was carried again, too.
+    pub(super) fn hold<'s>(mut self, judged: &Judged<'s>, stages: &mut Stages) -> (Corrected<'s>, bool) {
         let sweep = judged.sweep;
-        stages.follow_way(sweep, self.robot.step);
+        let is_carried = stages.follow_way(sweep, self.robot.step).is_none();
         self.robot.ekf.ignore_sweep();
-        Corrected { robot: self.robot, sweep }
+        (Corrected { robot: self.robot, sweep }, is_carried)
     }
 }
 

@@ -52,7 +52,7 @@ impl Tracking {
         let robot = corrected.publish(None, events);
         match search {
             None => Following::Tracking(Self { robot }),
-            Some(search) => Following::Lost(Lost { robot, search }),
+            Some(search) => Following::Lost(Lost { robot, search, trial: None }),
         }
     }
 }

@@ -16,7 +16,18 @@ pub(in crate::wall_slam) struct PlaceMonitor {
     sum: f64,
     /// The last sweep without any evidence.
     onset: (u64, Timestamp),
+    /// What was heard since the pose was moved.
+    record: Record,
     params: Params,
+}
+
+/// What was heard over a way.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(in crate::wall_slam) struct Record {
+    pub(in crate::wall_slam) way_m: f64,
+    heard: f64,
+    explained: f64,
+    contradicted: f64,
 }
 
 /// The map and what a ring can measure.
@@ -35,6 +46,8 @@ pub(super) struct Tally {
     pub(super) beams: f64,
     pub(super) explained: f64,
     pub(super) contradicted: f64,
+    /// Returns among the beams.
+    pub(super) heard: f64,
 }
 
 impl Scene<'_> {
@@ -47,6 +60,7 @@ impl Scene<'_> {
         let found = outcome(self.grid, map_from_sensor, beam.half_angle_rad, range_m, self.max_range_m, self.params);
         tally.sum += self.params.weights[found as usize];
         tally.beams += 1.0;
+        tally.heard += f64::from(u8::from(beam.has_range()));
         match found {
             Outcome::Explained => tally.explained += 1.0,
             Outcome::Unknown => {}
@@ -63,12 +77,17 @@ impl Scene<'_> {
 
 impl PlaceMonitor {
     pub(in crate::wall_slam) fn new(params: &Params) -> Self {
-        Self { sum: 0.0, onset: (0, Timestamp::default()), params: *params }
+        Self { sum: 0.0, onset: (0, Timestamp::default()), record: Record::default(), params: *params }
+    }
+
+    /// The robot was carried since the last sweep.
+    pub(in crate::wall_slam) fn jump(&mut self) {
+        self.sum = 2.0 * self.params.lost;
     }
 
     /// Begins anew: the pose was moved.
     pub(in crate::wall_slam) fn reset(&mut self) {
-        self.sum = 0.0;
+        (self.sum, self.record) = (0.0, Record::default());
     }
 
     /// Adds a sweep seen from `pose`, after so much way.
@@ -90,11 +109,17 @@ impl PlaceMonitor {
                 scene.add(&mut tally, pose * beam.robot_from_sensor, beam);
             }
         }
+        self.record.add(&tally, way_m);
         let way_m = way_m.min(self.params.max_step_m);
         self.sum = (self.sum + scene.evidence(&tally, way_m) - self.params.leak_per_m * way_m).max(0.0);
         if self.sum <= 0.0 {
             self.onset = (sweep.index, sweep.at);
         }
+    }
+
+    /// What was heard since the pose was moved.
+    pub(in crate::wall_slam) const fn record(&self) -> &Record {
+        &self.record
     }
 
     /// The last sweep before the evidence began.
@@ -110,5 +135,24 @@ impl PlaceMonitor {
     /// True once the robot is elsewhere.
     pub(in crate::wall_slam) fn is_lost(&self) -> bool {
         self.sum > self.params.lost
+    }
+}
+
+impl Record {
+    pub(super) fn add(&mut self, tally: &Tally, way_m: f64) {
+        self.way_m += way_m;
+        self.heard += tally.heard;
+        self.explained += tally.explained;
+        self.contradicted += tally.contradicted;
+    }
+
+    /// Share of the returns of which the map tells.
+    pub(in crate::wall_slam) fn told(&self) -> f64 {
+        (self.explained + self.contradicted) / self.heard.max(1.0)
+    }
+
+    /// The explained share of those.
+    pub(in crate::wall_slam) fn explained(&self) -> f64 {
+        self.explained / (self.explained + self.contradicted).max(1.0)
     }
 }

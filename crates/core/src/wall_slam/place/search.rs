@@ -1,7 +1,7 @@
 //! Finds a lost robot again, a little in each sweep, and only where nothing else is nearly as likely.
 
 use super::field::Field;
-use super::monitor::{Scene, Tally};
+use super::monitor::{Record, Scene, Tally};
 use super::params::Params;
 use super::scan::{Candidate, Return, Scan, refine};
 use super::trail::{Step, Trail};
@@ -20,8 +20,11 @@ pub(in crate::wall_slam) struct PlaceSearch {
     /// `map_from_trail` as believed.
     believed: Pose2,
     stage: Stage,
-    /// The far pose that a search found, and the way at that time.
-    found_once: Option<(Pose2, f64)>,
+    /// The far pose that the last searches found one after the other.
+    chain: Option<Chain>,
+    /// The way at the loss, metres, and `trail_from_robot`.
+    lost_m: f64,
+    lost_at: Pose2,
     /// The next scan begins at this way, metres.
     next_m: f64,
 }
@@ -49,6 +52,24 @@ struct Comparison {
     judged: Vec<Judgement>,
 }
 
+/// Searches in a row that agree.
+#[derive(Clone, Copy, Debug)]
+struct Chain {
+    /// `map_from_trail`.
+    pose: Pose2,
+    /// The way at the first of them, metres.
+    since_m: f64,
+    finds: u32,
+}
+
+/// Where the robot may be.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::wall_slam) struct Find {
+    pub(in crate::wall_slam) pose: Pose2,
+    /// It was pushed or never lost, rather than carried.
+    pub(in crate::wall_slam) is_near: bool,
+}
+
 /// What the readings say of a pose.
 #[derive(Clone, Copy, Debug)]
 struct Judgement {
@@ -62,7 +83,7 @@ struct Judgement {
 }
 
 /// Candidates that are refined and compared in one sweep.
-const PER_SWEEP: usize = 3;
+const PER_SWEEP: usize = 6;
 
 impl PlaceSearch {
     /// Begins with the robot believed at `pose`.
@@ -78,18 +99,36 @@ impl PlaceSearch {
             field: Field::new(scene.grid, scene.params),
             believed: pose * trail.pose().inverse(),
             stage: Stage::Waiting,
-            found_once: None,
+            chain: None,
+            lost_m: trail.way_m(),
+            lost_at: trail.pose(),
             next_m: f64::NEG_INFINITY,
         }
     }
 
-    /// Searches a little farther. The robot's pose, once it is found.
+    /// The believed pose, as the wheels have moved it.
+    pub(in crate::wall_slam) fn believed(&self, trail: &Trail) -> Pose2 {
+        self.believed * trail.pose()
+    }
+
+    /// The robot was carried again: what was heard before is from another place.
+    pub(in crate::wall_slam) fn restart(&mut self, trail: &Trail) {
+        (self.stage, self.chain, self.next_m) = (Stage::Waiting, None, trail.way_m());
+    }
+
+    /// A pose that was tried turned out to be wrong.
+    pub(in crate::wall_slam) fn reject(&mut self, trail: &Trail, params: &Params) {
+        self.chain = None;
+        self.next_m = trail.way_m() + params.search.every_m;
+    }
+
+    /// Searches a little farther. Where the robot may be, once that is found.
     pub(in crate::wall_slam) fn step(
         &mut self,
         trail: &Trail,
         scene: &Scene<'_>,
         finder: &mut DominantDirections,
-    ) -> Option<Pose2> {
+    ) -> Option<Find> {
         let params = scene.params;
         match std::mem::replace(&mut self.stage, Stage::Waiting) {
             Stage::Waiting => {
@@ -113,7 +152,7 @@ impl PlaceSearch {
                 for _ in 0..PER_SWEEP {
                     let Some(candidate) = comparison.left.pop() else {
                         let found = self.decide(&comparison.judged, &moment, trail, params);
-                        return found.map(|map_from_trail| map_from_trail * trail.pose());
+                        return found.map(|(map_from_trail, is_near)| Find { pose: map_from_trail * trail.pose(), is_near });
                     };
                     let refined = refine(&self.field, &comparison.returns, candidate);
                     let pose = refined.pose * moment.pose.inverse();
@@ -154,37 +193,56 @@ impl PlaceSearch {
         Stage::Scanning(Scan::new(chosen, believed, heading_rad, &self.field, params), moment)
     }
 
-    /// `map_from_trail`, if one pose stands out.
-    fn decide(&mut self, judged: &[Judgement], moment: &Moment, trail: &Trail, params: &Params) -> Option<Pose2> {
+    /// `map_from_trail`, if one pose stands out, and whether it is near the believed one.
+    fn decide(&mut self, judged: &[Judgement], moment: &Moment, trail: &Trail, params: &Params) -> Option<(Pose2, bool)> {
         let search = &params.search;
         let apart = |a: Pose2, b: Pose2| {
             let (a, b) = (a * moment.pose, b * moment.pose);
             ((a.position() - b.position()).norm(), wrap_angle(a.theta_rad - b.theta_rad).abs())
         };
-        let best = judged.iter().max_by(|a, b| a.likelihood.total_cmp(&b.likelihood))?;
-        let is_rival = |other: &&Judgement| {
-            let (m, rad) = apart(best.pose, other.pose);
-            m > search.apart_m || rad > search.apart_rad
+        let likeliest = |one: &&Judgement, other: &&Judgement| one.likelihood.total_cmp(&other.likelihood);
+        // The best of what explains so much and lies elsewhere than `from`.
+        let rival = |from: Pose2, min_explained: f64| {
+            let is_elsewhere = |other: &&Judgement| {
+                let (m, rad) = apart(from, other.pose);
+                other.explained >= min_explained && (m > search.apart_m || rad > search.apart_rad)
+            };
+            judged.iter().filter(is_elsewhere).map(|other| other.likelihood).fold(0.0, f64::max)
         };
-        let rival = judged.iter().filter(is_rival).map(|other| other.likelihood).fold(0.0, f64::max);
-        let (m, rad) = apart(best.pose, self.believed);
-        let is_near = m < search.near_m && rad < search.near_rad;
-        let min_lead = if is_near { search.min_near_lead } else { search.min_lead };
-        let fits = best.explained >= search.min_explained && best.told >= search.min_told;
-        if !fits || best.likelihood - rival < min_lead {
+        // Where the pose was lost: later the places part if the robot was turned.
+        let moved = |one: &Judgement| {
+            let (a, b) = (one.pose * self.lost_at, self.believed * self.lost_at);
+            ((a.position() - b.position()).norm(), wrap_angle(a.theta_rad - b.theta_rad).abs())
+        };
+        let is_near = |one: &&Judgement| {
+            let fits = one.explained >= search.min_near_explained && one.told >= search.min_near_told;
+            moved(one).0 < search.near_m && fits
+        };
+        if trail.way_m() < self.lost_m + search.near_until_m
+            && let Some(near) = judged.iter().filter(is_near).max_by(likeliest)
+        {
+            let is_turned = moved(near).1 > search.near_rad;
+            let min_lead = if is_turned { search.min_turned_lead } else { search.min_near_lead };
+            if near.likelihood >= rival(near.pose, search.min_explained) + min_lead {
+                return Some((near.pose, true));
+            }
+        }
+        let fits = |one: &&Judgement| one.explained >= search.min_explained && one.told >= search.min_told;
+        let best = judged.iter().filter(fits).max_by(likeliest)?;
+        // What explains less may still be the true place, among things that were moved.
+        if best.likelihood < rival(best.pose, search.rival_explained) + search.min_lead {
             return None;
         }
-        if is_near {
-            return Some(best.pose);
-        }
-        let now = (best.pose, trail.way_m());
-        let (once, way_m) = *self.found_once.get_or_insert(now);
-        let (m, rad) = apart(best.pose, once);
-        if m > search.same_m || rad > search.same_rad {
-            self.found_once = Some(now);
-            return None;
-        }
-        (trail.way_m() - way_m >= search.again_m).then_some(best.pose)
+        let way_m = trail.way_m();
+        let (since_m, finds) = match self.chain {
+            Some(Chain { pose, since_m, finds }) => {
+                let (m, rad) = apart(best.pose, pose);
+                if m < search.same_m && rad < search.same_rad { (since_m, finds + 1) } else { (way_m, 1) }
+            }
+            None => (way_m, 1),
+        };
+        self.chain = Some(Chain { pose: best.pose, since_m, finds });
+        (finds >= search.min_finds && way_m - since_m >= search.again_m).then_some((best.pose, false))
     }
 }
 
@@ -194,7 +252,7 @@ fn returns(step: &Step) -> impl Iterator<Item = &crate::sweep::Beam> {
 
 /// What the readings of the steps say of a pose.
 fn judge<'a>(scene: &Scene<'_>, steps: impl Iterator<Item = &'a Step>, map_from_trail: Pose2) -> Judgement {
-    let (mut likelihood, mut told, mut explained, mut heard) = (0.0, 0.0, 0.0, 0.0);
+    let (mut likelihood, mut record) = (0.0, Record::default());
     let mut before_m: Option<f64> = None;
     for step in steps {
         let way_m = before_m.map_or(0.0, |before_m| step.way_m - before_m).min(scene.params.max_step_m);
@@ -205,12 +263,9 @@ fn judge<'a>(scene: &Scene<'_>, steps: impl Iterator<Item = &'a Step>, map_from_
         let mut tally = Tally::default();
         for beam in step.beams.iter().skip(first).step_by(stride) {
             scene.add(&mut tally, pose * beam.robot_from_sensor, beam);
-            heard += f64::from(u8::from(beam.has_range()));
         }
         likelihood -= scene.evidence(&tally, way_m);
-        explained += tally.explained;
-        told += tally.explained + tally.contradicted;
+        record.add(&tally, way_m);
     }
-    let share = |part: f64, whole: f64| part / f64::max(whole, 1.0);
-    Judgement { pose: map_from_trail, likelihood, told: share(told, heard), explained: share(explained, told) }
+    Judgement { pose: map_from_trail, likelihood, told: record.told(), explained: record.explained() }
 }
