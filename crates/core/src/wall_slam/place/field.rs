@@ -52,7 +52,8 @@ impl Field {
         let marks = occupancy.iter().zip(&distances).map(mark).collect();
         let pitch = (params.search.pitch_m / cell_m).round().max(1.0) as usize;
         let is_floor = |index: &usize| (0..=CLEAR).contains(&occupancy[*index]) && distances[*index] > 1;
-        let indices = (0..height).step_by(pitch).flat_map(|row| (0..width).step_by(pitch).map(move |x| row * width + x));
+        let indices =
+            (0..height).step_by(pitch).flat_map(|row| (0..width).step_by(pitch).map(move |x| row * width + x));
         let floor = indices.filter(is_floor).map(|index| [(index % width) as i32, (index / width) as i32]).collect();
         Self { width: width as i32, height: height as i32, origin, cell_m, marks, floor }
     }

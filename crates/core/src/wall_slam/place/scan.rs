@@ -155,9 +155,14 @@ pub(super) fn refine(field: &Field, returns: &[Return], from: Candidate) -> Cand
         for _ in 0..6 {
             let Pose2 { x_m, y_m, theta_rad } = best.pose;
             let mut is_better = false;
-            for [dx, dy, turn] in
-                [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]
-            {
+            for [dx, dy, turn] in [
+                [1.0, 0.0, 0.0],
+                [-1.0, 0.0, 0.0],
+                [0.0, 1.0, 0.0],
+                [0.0, -1.0, 0.0],
+                [0.0, 0.0, 1.0],
+                [0.0, 0.0, -1.0],
+            ] {
                 let pose = Pose2::new(x_m + dx * step_m, y_m + dy * step_m, theta_rad + turn * step_rad);
                 let fit = fit(field, returns, pose);
                 if fit > best.fit {

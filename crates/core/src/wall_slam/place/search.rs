@@ -152,7 +152,8 @@ impl PlaceSearch {
                 for _ in 0..PER_SWEEP {
                     let Some(candidate) = comparison.left.pop() else {
                         let found = self.decide(&comparison.judged, &moment, trail, params);
-                        return found.map(|(map_from_trail, is_near)| Find { pose: map_from_trail * trail.pose(), is_near });
+                        return found
+                            .map(|(map_from_trail, is_near)| Find { pose: map_from_trail * trail.pose(), is_near });
                     };
                     let refined = refine(&self.field, &comparison.returns, candidate);
                     let pose = refined.pose * moment.pose.inverse();
@@ -194,7 +195,13 @@ impl PlaceSearch {
     }
 
     /// `map_from_trail`, if one pose stands out, and whether it is near the believed one.
-    fn decide(&mut self, judged: &[Judgement], moment: &Moment, trail: &Trail, params: &Params) -> Option<(Pose2, bool)> {
+    fn decide(
+        &mut self,
+        judged: &[Judgement],
+        moment: &Moment,
+        trail: &Trail,
+        params: &Params,
+    ) -> Option<(Pose2, bool)> {
         let search = &params.search;
         let apart = |a: Pose2, b: Pose2| {
             let (a, b) = (a * moment.pose, b * moment.pose);
