@@ -4,7 +4,7 @@
 //! 2. A Hough transform over sonar arcs finds the building's axis: once from the first sweeps, then every few seconds as a check
 //!    of the heading ([`crate::orientation`]).
 //! 3. An extended Kalman filter over pose, wheels and wall offsets tracks the robot ([`crate::position`]).
-//! 4. When the echoes contradict the walls, the robot is relocalized among them. Map updates are suspended meanwhile.
+//! 4. When the echoes contradict the map, the pose is lost, and the robot is sought in the map. Map updates are suspended meanwhile.
 //! 5. Beams clear their cones and mark the walls that reflected them ([`crate::mapping`]).
 //!
 //! The map frame has its origin at the robot's start and its axes along the building's walls. The poses of the first sweeps are
@@ -61,7 +61,7 @@ enum Mode {
     Initializing(Initializing),
     /// The pose is known; walls and map are updated.
     Tracking(Tracking),
-    /// The pose is in doubt; walls and map are kept as they are.
+    /// The pose is in doubt after an encoder fault; walls and map are kept as they are.
     Relocalizing(Relocalizing),
     /// The robot is elsewhere; walls and map are kept as they are.
     Lost(Lost),

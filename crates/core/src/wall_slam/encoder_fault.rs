@@ -77,7 +77,7 @@ pub(super) fn respond(
         return Response::Switch(held.hold(sweep, params, events).into());
     }
     let relocalizer = Relocalizer::new(since, since_sweep, pose, sweep.odometry, params);
-    Response::Relocalize(predicted, relocalizer.after_reversal())
+    Response::Relocalize(predicted, relocalizer)
 }
 
 /// True if the encoder was faulty from the start of this run's map, or nearly so: then nothing of the map is right.

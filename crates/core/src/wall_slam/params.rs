@@ -43,7 +43,6 @@
 /// | `start_fault_sweeps` | 10 | sweeps | not measured since the first version | Too small: a map drawn with a faulty encoder is kept. Too large: a good map is discarded |
 /// | `relocalize_first_sweeps` | 20 | sweeps | not measured since the first version | Too small: few returns fit in many poses. Too large: the map is suspended for longer |
 /// | `relocalize_every_sweeps` | 5 | sweeps | not measured since the first version | Too small: time is wasted. Too large: the map is suspended for longer |
-/// | `relocalize_max_sweeps` | 300 | sweeps | not measured since the first version | Too small: a robot that could be found is not. Too large: after a false alarm the map is suspended for long |
 /// | `relocalize_max_returns` | 1000 | returns | not measured since the first version | Too small: returns fit in many poses. Too large: the wheels have drifted since the oldest |
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Params {
@@ -119,8 +118,6 @@ pub struct Params {
     pub relocalize_first_sweeps: u32,
     /// Sweeps from one search to the next.
     pub relocalize_every_sweeps: u32,
-    /// After so many the search is abandoned.
-    pub relocalize_max_sweeps: u32,
     /// Returns kept for the search.
     pub relocalize_max_returns: usize,
 }
@@ -164,7 +161,6 @@ impl Default for Params {
             start_fault_sweeps: 10,
             relocalize_first_sweeps: 20,
             relocalize_every_sweeps: 5,
-            relocalize_max_sweeps: 300,
             relocalize_max_returns: 1_000,
         }
     }

@@ -156,3 +156,77 @@ impl Record {
         self.explained / (self.explained + self.contradicted).max(1.0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Point;
+    use crate::mapping::cone::{ReturnKind, integrate_beam, mark_wall};
+    use crate::mapping::grid::WallNormal;
+    use std::f64::consts::TAU;
+
+    const HALF_RAD: f64 = 0.2;
+
+    /// A room of 4 by 3 m around the origin, well mapped.
+    fn room() -> OccupancyGrid {
+        let mut grid = OccupancyGrid::new(0.05);
+        for _ in 0..20 {
+            for index in 0..24 {
+                let pose = Pose2::new(0.0, 0.0, TAU * f64::from(index) / 24.0);
+                integrate_beam(&mut grid, pose, HALF_RAD, 1.4, ReturnKind::Nothing);
+            }
+            for step in -80..=80 {
+                let along_m = 0.025 * f64::from(step);
+                [-2.02, 2.02].iter().for_each(|&x| mark_wall(&mut grid, Point::new(x, 0.75 * along_m), WallNormal::X));
+                [-1.52, 1.52].iter().for_each(|&y| mark_wall(&mut grid, Point::new(along_m, y), WallNormal::Y));
+            }
+        }
+        grid
+    }
+
+    /// What eight sensors measure in a room whose walls are so far off: ahead, left, behind, right.
+    fn heard(walls_m: [f64; 4]) -> Sweep {
+        let beam = |sensor: usize| {
+            let bearing_rad = TAU * sensor as f64 / 8.0;
+            let range_m = if sensor.is_multiple_of(2) { walls_m[sensor / 2] } else { f64::INFINITY };
+            let robot_from_sensor = Pose2::new(0.0, 0.0, bearing_rad);
+            Beam { range_m, no_measurement: None, age_s: 0.0, robot_from_sensor, half_angle_rad: HALF_RAD }
+        };
+        Sweep { beams: (0..8).map(beam).collect(), ..Sweep::default() }
+    }
+
+    /// A monitor after a metre in which the robot at the origin hears those walls.
+    fn after_a_metre(walls_m: [f64; 4]) -> PlaceMonitor {
+        let (grid, params) = (room(), Params::default());
+        let scene = Scene { grid: &grid, max_range_m: 3.0, params: &params };
+        let mut monitor = PlaceMonitor::new(&params);
+        (0..25).for_each(|_| monitor.add(&scene, &heard(walls_m), Pose2::default(), 0.04, |_| true));
+        monitor
+    }
+
+    #[test]
+    fn the_room_it_is_in_agrees_and_another_one_does_not() {
+        let here = after_a_metre([2.0, 1.5, 2.0, 1.5]);
+        assert!(!here.is_suspicious() && here.record().explained() > 0.9, "{here:?}");
+        let elsewhere = after_a_metre([1.2, 2.6, 0.6, 2.4]);
+        assert!(elsewhere.is_lost() && elsewhere.record().explained() < 0.1, "{elsewhere:?}");
+    }
+
+    #[test]
+    fn something_new_before_one_wall_is_not_another_place() {
+        let changed = after_a_metre([0.6, 1.5, 2.0, 1.5]);
+        assert!(!changed.is_lost() && changed.record().told() > 0.9, "{changed:?}");
+    }
+
+    #[test]
+    fn a_robot_off_the_map_is_not_lost() {
+        let (grid, params) = (OccupancyGrid::new(0.05), Params::default());
+        let scene = Scene { grid: &grid, max_range_m: 3.0, params: &params };
+        let mut monitor = PlaceMonitor::new(&params);
+        monitor.jump();
+        assert!(monitor.is_lost());
+        monitor.reset();
+        (0..99).for_each(|_| monitor.add(&scene, &heard([1.0; 4]), Pose2::default(), 0.04, |_| true));
+        assert!(!monitor.is_suspicious() && monitor.record().told() < 0.01, "{monitor:?}");
+    }
+}

@@ -36,7 +36,8 @@ use crate::geometry::degrees;
 /// | `still_beams` | 4 | beams | measured: robots that stand in homes 1-12 change up to 3 of 6; carried ones 4 to 6 of 8 | Too small: a person looks like a jump. Too large: no ring of 8 notices |
 /// | `still_share` | 0.5 | of the readings | as `still_beams` | As `still_beams` |
 /// | `suspect` | 1.5 | nats | measured: homes 1-12 stay below but for persons and doors | Too small: the map is suspended often. Too large: a false map is drawn |
-/// | `lost` | 5 | nats | measured: well tracked drives in homes 1-12 stay below 3 | Too small: false alarms. Too large: a carried robot notices late |
+/// | `lost` | 7 | nats | measured: well tracked drives in homes 1-12 stay below 3; with 5, three of sixty drives in homes 1-20 are lost without need | Too small: false alarms. Too large: a carried robot notices late |
+/// | `search` | see there | - | [`SearchParams`] | |
 #[expect(missing_docs, reason = "the table describes each field")]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Params {
@@ -69,7 +70,6 @@ pub struct Params {
     pub still_share: f64,
     pub suspect: f64,
     pub lost: f64,
-    /// The search for a lost robot.
     pub search: SearchParams,
 }
 
@@ -99,7 +99,7 @@ pub struct Params {
 /// | `min_near_lead` | 3 | nats | homes 1-60: a push is likelier than a kidnap | As `min_lead`, for a pushed robot and a false alarm |
 /// | `min_finds` | 2 | searches | by hand: so many must find a far pose | Too small: the same readings agree with themselves. Too large: found late |
 /// | `min_near_explained` | 0.65 | as `min_explained` | homes 1-60 | As `min_explained`, for a pushed robot and a false alarm |
-/// | `min_near_told` | 0.45 | as `min_told` | homes 1-60 | As `min_told`, for a pushed robot and a false alarm |
+/// | `min_near_told` | 0.3 | as `min_told` | homes 1-60 | As `min_told`, for a pushed robot and a false alarm |
 /// | `again_m` | 0.5 | m | by hand: the way over which they must | Too small: the same readings agree with themselves. Too large: found late |
 /// | `trial_m` | 2 | m | by hand: the way over which a far pose that was found must agree with the map before it is stated | Too small: a place that looks alike is taken for the true one. Too large: found late |
 /// | `near_trial_m` | 0.7 | m | by hand: the same for a near one | As `trial_m` |
@@ -169,7 +169,7 @@ impl Default for Params {
             still_beams: 4,
             still_share: 0.5,
             suspect: 1.5,
-            lost: 5.0,
+            lost: 7.0,
             search: SearchParams::default(),
         }
     }
@@ -199,7 +199,7 @@ impl Default for SearchParams {
             min_lead: 8.0,
             min_near_lead: 3.0,
             min_near_explained: 0.65,
-            min_near_told: 0.45,
+            min_near_told: 0.3,
             min_finds: 2,
             again_m: 0.5,
             trial_m: 2.0,

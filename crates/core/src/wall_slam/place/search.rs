@@ -132,7 +132,7 @@ impl PlaceSearch {
         let params = scene.params;
         match std::mem::replace(&mut self.stage, Stage::Waiting) {
             Stage::Waiting => {
-                let first_m = trail.since(self.since_sweep).next().map_or(trail.way_m(), |step| step.way_m);
+                let first_m = trail.since(self.since_sweep).next().map_or_else(|| trail.way_m(), |step| step.way_m);
                 if trail.way_m() - first_m >= params.search.first_m && trail.way_m() >= self.next_m {
                     self.next_m = trail.way_m() + params.search.every_m;
                     self.stage = self.begin(trail, finder, params);
