@@ -12,6 +12,7 @@ use crate::{align, fault, localize, mapping, orientation, position, robot_model,
 /// | `position` | [`PositionParams`](position::params::Params) | EKF-SLAM: data association, landmarks, relocalization |
 /// | `mapping` | [`MappingParams`](mapping::params::Params) | the occupancy grid and the inverse sensor model |
 /// | `wall_slam` | [`WallSlamParams`](wall_slam::params::Params) | how the default method joins the four stages above, and its modes |
+/// | `place` | [`PlaceParams`](wall_slam::place::params::Params) | when the robot is elsewhere, and where it is found again |
 /// | `robot_model` | [`RobotModelParams`](robot_model::params::Params) | when the robot is not what its configuration says |
 /// | `localize` | [`LocalizeParams`](localize::params::Params) | the search for the robot in a known map |
 ///
@@ -44,6 +45,8 @@ pub struct Params {
     pub mapping: mapping::params::Params,
     /// The default method.
     pub wall_slam: wall_slam::params::Params,
+    /// Check of the pose against the map, and search for a lost robot.
+    pub place: wall_slam::place::params::Params,
     /// Check of the robot against the walls.
     pub robot_model: robot_model::params::Params,
     /// Localization in a known map.
@@ -68,6 +71,7 @@ mod tests {
             ("fault", include_str!("fault/params.rs")),
             ("mapping", include_str!("mapping/params.rs")),
             ("wall_slam", include_str!("wall_slam/params.rs")),
+            ("place", include_str!("wall_slam/place/params.rs")),
             ("robot_model", include_str!("robot_model/params.rs")),
             ("localize", include_str!("localize/params.rs")),
         ] {

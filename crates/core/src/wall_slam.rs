@@ -4,7 +4,7 @@
 //! 2. A Hough transform over sonar arcs finds the building's axis: once from the first sweeps, then every few seconds as a check
 //!    of the heading ([`crate::orientation`]).
 //! 3. An extended Kalman filter over pose, wheels and wall offsets tracks the robot ([`crate::position`]).
-//! 4. When the echoes contradict the walls, the robot is relocalized among them. Map updates are suspended meanwhile.
+//! 4. When the echoes contradict the map, the pose is lost, and the robot is sought in the map. Map updates are suspended meanwhile.
 //! 5. Beams clear their cones and mark the walls that reflected them ([`crate::mapping`]).
 //!
 //! The map frame has its origin at the robot's start and its axes along the building's walls. The poses of the first sweeps are
@@ -20,9 +20,11 @@ mod expected_range;
 mod initializer;
 mod initializing;
 mod introspection;
+mod lost;
 mod map_update;
 mod odometry_outage;
 pub(crate) mod params;
+pub(crate) mod place;
 mod pose_history;
 mod relocalizer;
 mod relocalizing;
@@ -39,6 +41,7 @@ use crate::position::ekf_slam::EkfSlam;
 use crate::saved_state::{InvalidState, SavedState};
 use crate::sweep::Sweep;
 use initializing::Initializing;
+use lost::Lost;
 use odometry_outage::OdometryOutage;
 use relocalizing::Relocalizing;
 use stages::Stages;
@@ -59,8 +62,10 @@ enum Mode {
     Initializing(Initializing),
     /// The pose is known; walls and map are updated.
     Tracking(Tracking),
-    /// The pose is in doubt; walls and map are kept as they are.
+    /// The pose is in doubt after an encoder fault; walls and map are kept as they are.
     Relocalizing(Relocalizing),
+    /// The robot is elsewhere; walls and map are kept as they are.
+    Lost(Lost),
     /// A wheel encoder is dead, so the motion is unknown.
     OdometryOutage(OdometryOutage),
 }
@@ -73,6 +78,7 @@ impl WallSlam {
             Mode::Initializing(initializing) => initializing.update(sweep, stages, events),
             Mode::Tracking(tracking) => tracking.update(sweep, stages, events),
             Mode::Relocalizing(relocalizing) => relocalizing.update(sweep, stages, events),
+            Mode::Lost(lost) => lost.update(sweep, stages, events),
             Mode::OdometryOutage(outage) => outage.update(sweep, stages, events),
         };
         // The other modes say themselves that the pose is unknown.

@@ -9,6 +9,7 @@ mod saved;
 mod whole;
 
 pub use patch::{MapChange, Patch, percents};
+pub(crate) use ray::Reader;
 
 use super::params::Params;
 use crate::geometry::Point;

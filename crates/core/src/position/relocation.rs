@@ -46,6 +46,12 @@ impl EkfSlam {
         self.filter.relocate(pose, sigmas[0], sigmas[1]);
     }
 
+    /// Nothing of a sweep is used: the pose is the wheels'.
+    pub fn ignore_sweep(&mut self) {
+        self.associations.clear();
+        self.agreement.reset();
+    }
+
     /// Forgets the readings that contradicted the map, and what the walls did to the pose meanwhile.
     pub fn reset_monitor(&mut self) {
         self.monitor.reset();

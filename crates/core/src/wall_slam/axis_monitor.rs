@@ -2,14 +2,11 @@
 //!
 //! Wheels that spin in place turn the pose by tens of degrees at once, and a sparse ring then finds walls for the wrong heading. But the
 //! returns of the next metre, laid out along the path, still have an axis of their own. Where two windows after one another agree on an
-//! axis that is not the map's, the heading was wrong since the last window that agreed with the map's. The walls learnt since then prove
-//! nothing: the doubt ends where the axis fits again and walls from before it explain the returns.
+//! axis that is not the map's, the heading was wrong since the last window that agreed with the map's, and the robot is lost.
 
 use super::params::Params;
 use crate::geometry::{Placement, Pose2, wrap_angle};
 use crate::orientation::dominant_directions::{Axis, DominantDirections};
-use crate::position::beam_model::observe_wall;
-use crate::position::ekf_slam::EkfSlam;
 use crate::sweep::Sweep;
 use crate::time::Timestamp;
 use std::f64::consts::FRAC_PI_2;
@@ -27,16 +24,7 @@ pub(super) struct AxisMonitor {
     /// Windows that fitted, up to those that are asked for; and the end of the last one.
     fits: usize,
     last_fit: (u64, Timestamp),
-    contradiction: Option<Contradiction>,
-}
-
-/// A heading that is not the building's.
-#[derive(Clone, Copy, Debug)]
-struct Contradiction {
-    since_sweep: u64,
-    since: Timestamp,
-    /// Share of the latest returns that walls from before it explain.
-    explained: f64,
+    is_contradicted: bool,
 }
 
 impl AxisMonitor {
@@ -49,24 +37,23 @@ impl AxisMonitor {
             before_rad: None,
             fits: 0,
             last_fit: (0, Timestamp::default()),
-            contradiction: None,
+            is_contradicted: false,
         }
     }
 
     /// Forgets everything: the pose is another one.
     pub(super) fn reset(&mut self) {
         self.directions.clear();
-        (self.last, self.way_m, self.before_rad, self.contradiction) = (None, 0.0, None, None);
+        (self.last, self.way_m, self.before_rad, self.is_contradicted) = (None, 0.0, None, false);
     }
 
-    /// Since when the heading is wrong, if it is.
-    pub(super) fn wrong_since(&self) -> Option<Timestamp> {
-        self.contradiction.map(|contradiction| contradiction.since)
+    /// The last sweep whose heading was right, if the latest ones are wrong.
+    pub(super) fn onset(&self) -> Option<(u64, Timestamp)> {
+        self.is_contradicted.then_some(self.last_fit)
     }
 
     /// Adds a corrected sweep; at the end of a window compares its axis.
-    pub(super) fn add(&mut self, sweep: &Sweep, ekf: &EkfSlam, is_trusted: impl Fn(usize) -> bool, params: &Params) {
-        let pose = ekf.filter.pose();
+    pub(super) fn add(&mut self, sweep: &Sweep, pose: Pose2, is_trusted: impl Fn(usize) -> bool, params: &Params) {
         let step_m = self.last.map_or(0.0, |last| {
             let moved = last.inverse() * pose;
             libm::hypot(moved.x_m, moved.y_m) + params.axis_window_rim_m * wrap_angle(moved.theta_rad).abs()
@@ -75,9 +62,6 @@ impl AxisMonitor {
             return;
         }
         (self.last, self.way_m) = (Some(pose), self.way_m + step_m);
-        if let Some(contradiction) = &mut self.contradiction {
-            contradiction.explain(sweep, ekf, &is_trusted, params);
-        }
         self.lay_out(sweep, pose, is_trusted, params);
         if self.way_m >= params.axis_window_m {
             if let Some(axis) = self.directions.find().filter(Axis::is_believed) {
@@ -109,34 +93,11 @@ impl AxisMonitor {
         self.before_rad = Some(axis_rad);
         if axis_rad.abs() < params.max_axis_off_rad {
             self.fits = (self.fits + 1).min(params.axis_fits);
-            let is_verified = |contradiction: &Contradiction| contradiction.explained > params.verified_share;
-            if self.contradiction.is_none() || (agrees && self.contradiction.as_ref().is_some_and(is_verified)) {
-                (self.contradiction, self.last_fit) = (None, (sweep.index, sweep.at));
-            }
-        } else if agrees && self.contradiction.is_none() && self.fits == params.axis_fits {
-            let (since_sweep, since) = self.last_fit;
-            self.contradiction = Some(Contradiction { since_sweep, since, explained: 0.0 });
-        } else if agrees && self.contradiction.is_none() {
+            self.last_fit = (sweep.index, sweep.at);
+        } else if agrees && self.fits == params.axis_fits {
+            self.is_contradicted = true;
+        } else if agrees {
             self.fits = 0;
-        }
-    }
-}
-
-impl Contradiction {
-    fn explain(&mut self, sweep: &Sweep, ekf: &EkfSlam, is_trusted: impl Fn(usize) -> bool, params: &Params) {
-        let pose = Placement::from(ekf.filter.pose());
-        for (_, beam) in sweep.beams.iter().enumerate().filter(|(sensor, beam)| is_trusted(*sensor) && beam.has_range())
-        {
-            let observation = observe_wall(&ekf.params().beam, pose, beam);
-            let is_explained = observation.is_some_and(|observation| {
-                ekf.known_walls(self.since_sweep).any(|wall| {
-                    wall.side == observation.side
-                        && (wall.offset_m - observation.offset_m()).abs() < params.on_wall_m
-                        && (wall.lo_m..wall.hi_m).contains(&observation.along_m)
-                })
-            });
-            let share = if is_explained { 1.0 } else { 0.0 };
-            self.explained += (share - self.explained) / params.verified_returns;
         }
     }
 }

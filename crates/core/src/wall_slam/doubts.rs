@@ -12,31 +12,24 @@ pub(super) enum Doubt {
     Dragged,
     /// More than a third of the ring looks faulty at once.
     RingSuspect,
-    /// The latest returns have another axis than the map.
-    Axis,
 }
 
 /// The reasons that hold, and what was told.
 #[derive(Debug, Default)]
 pub(super) struct Doubts {
-    holds: [bool; 4],
-    /// When a doubt began that was noticed later.
-    began: Option<Timestamp>,
+    holds: [bool; 3],
     /// The first instant of the doubt that was told.
     told: Option<Timestamp>,
 }
 
 impl Doubt {
-    const ALL: [Self; 4] = [Self::Vague, Self::Dragged, Self::RingSuspect, Self::Axis];
+    const ALL: [Self; 3] = [Self::Vague, Self::Dragged, Self::RingSuspect];
 
     const fn reason(self) -> &'static str {
         match self {
             Self::Vague => "no wall has corrected the position for long: it is known to no better than 0.3 m",
             Self::Dragged => {
                 "the walls move the pose by more than the wheels' errors allow: it follows the wheels from where they last agreed"
-            }
-            Self::Axis => {
-                "the walls around stand at an angle to the map's: the heading is wrong, as after wheels that spun in place"
             }
             Self::RingSuspect => {
                 "more than a third of the sensors look faulty at once: the pose, the map or the noise of the readings is wrong rather than they"
@@ -50,12 +43,6 @@ impl Doubts {
         self.holds[doubt as usize] = holds;
     }
 
-    /// A doubt that is noticed after it began.
-    pub(super) fn set_since(&mut self, doubt: Doubt, since: Option<Timestamp>) {
-        self.set(doubt, since.is_some());
-        self.began = since;
-    }
-
     pub(super) fn holds(&self, doubt: Doubt) -> bool {
         self.holds[doubt as usize]
     }
@@ -64,10 +51,9 @@ impl Doubts {
     pub(super) fn tell(&mut self, at: Timestamp, older: usize, events: &mut Vec<Event>) {
         let doubt = Doubt::ALL.into_iter().find(|&doubt| self.holds(doubt));
         let ends_another = |event: &Event| matches!(event, Event::Localization(change) if !change.is_lost());
-        let is_earlier = |told| self.began.is_some_and(|began| began < told);
         let change = match (doubt, self.told) {
-            (Some(doubt), told) if told.is_none_or(is_earlier) || events.iter().skip(older).any(ends_another) => {
-                self.told = [told, self.began].into_iter().flatten().min().or(Some(at));
+            (Some(doubt), told) if told.is_none() || events.iter().skip(older).any(ends_another) => {
+                self.told = told.or(Some(at));
                 LocalizationChange::Doubted { reason: doubt.reason().into() }
             }
             (None, Some(_)) => LocalizationChange::Trusted,

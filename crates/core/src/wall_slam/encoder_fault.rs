@@ -41,11 +41,11 @@ pub(super) struct Rewound {
     pub(super) travel_m: f64,
 }
 
-/// Acts on an encoder fault of this sweep, if there is one. `doubt` is the relocalization that was running.
+/// Acts on an encoder fault of this sweep, if there is one. `doubt` is the start of the uncertain poses, time and sweep, if there are any.
 pub(super) fn respond(
     mut predicted: Predicted,
     judged: &Judged<'_>,
-    doubt: Option<&Relocalizer>,
+    doubt: Option<(Timestamp, u64)>,
     stages: &mut Stages,
     events: &mut Vec<Event>,
 ) -> Response {
@@ -58,14 +58,16 @@ pub(super) fn respond(
         return Response::Continue(predicted);
     };
     // The encoder explains the doubt that there was.
-    if let Some(doubt) = doubt {
-        rewound.since = rewound.since.min(doubt.since);
-        rewound.since_sweep = rewound.since_sweep.min(doubt.since_sweep);
+    if let Some((since, since_sweep)) = doubt {
+        rewound.since = rewound.since.min(since);
+        rewound.since_sweep = rewound.since_sweep.min(since_sweep);
     } else {
         let change = LocalizationChange::Lost;
         events.push(Event::Localization(LocalizationEvent { at: sweep.at, since: rewound.since, change }));
     }
     let Rewound { since, since_sweep, pose, .. } = rewound;
+    stages.forget_way();
+    let params = &stages.params;
     let robot = predicted.robot_mut();
     robot.ekf.relocate(pose, since_sweep);
     robot.ekf.reset_monitor();
@@ -75,7 +77,7 @@ pub(super) fn respond(
         return Response::Switch(held.hold(sweep, params, events).into());
     }
     let relocalizer = Relocalizer::new(since, since_sweep, pose, sweep.odometry, params);
-    Response::Relocalize(predicted, relocalizer.after_reversal())
+    Response::Relocalize(predicted, relocalizer)
 }
 
 /// True if the encoder was faulty from the start of this run's map, or nearly so: then nothing of the map is right.

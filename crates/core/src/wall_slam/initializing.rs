@@ -5,6 +5,7 @@
 
 use super::Mode;
 use super::initializer::{Initialized, Initializer};
+use super::lost::Lost;
 use super::odometry_outage::OdometryOutage;
 use super::relocalizing::Relocalizing;
 use super::stages::Stages;
@@ -34,6 +35,7 @@ pub(super) struct CatchUp {
 pub(super) enum Following {
     Tracking(Tracking),
     Relocalizing(Relocalizing),
+    Lost(Lost),
 }
 
 impl Default for Initializing {
@@ -93,6 +95,7 @@ impl Initializing {
             Self::CatchingUp(CatchUp { following: Following::Relocalizing(relocalizing), .. }) => {
                 Some(&relocalizing.robot)
             }
+            Self::CatchingUp(CatchUp { following: Following::Lost(lost), .. }) => Some(&lost.robot),
         }
     }
 }
@@ -119,6 +122,9 @@ impl Following {
             Self::Relocalizing(Relocalizing { robot, relocalizer }) => {
                 Relocalizing::follow(robot.predict(judged.sweep()), relocalizer, judged, stages, events)
             }
+            Self::Lost(Lost { robot, search, trial }) => {
+                Lost::follow(robot.predict(judged.sweep()), search, trial, judged, stages, events)
+            }
         }
     }
 }
@@ -134,6 +140,7 @@ impl From<Following> for Mode {
         match following {
             Following::Tracking(tracking) => Self::Tracking(tracking),
             Following::Relocalizing(relocalizing) => Self::Relocalizing(relocalizing),
+            Following::Lost(lost) => Self::Lost(lost),
         }
     }
 }

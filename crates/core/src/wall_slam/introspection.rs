@@ -120,6 +120,7 @@ impl Mode {
             Self::Initializing(initializing) => initializing.robot(),
             Self::Tracking(tracking) => Some(&tracking.robot),
             Self::Relocalizing(relocalizing) => Some(&relocalizing.robot),
+            Self::Lost(lost) => Some(&lost.robot),
             Self::OdometryOutage(OdometryOutage::PoseHeld(held)) => Some(&held.robot),
             Self::OdometryOutage(OdometryOutage::BeforeMap(_)) => None,
         }
@@ -128,7 +129,7 @@ impl Mode {
     /// True if an outage of the odometry has left the robot anywhere around its pose: a next run could not resume there.
     fn has_unknown_position(&self) -> bool {
         match self {
-            Self::Initializing(_) | Self::Tracking(_) => false,
+            Self::Initializing(_) | Self::Tracking(_) | Self::Lost(_) => false,
             Self::Relocalizing(relocalizing) => relocalizing.relocalizer.is_after_outage(),
             Self::OdometryOutage(_) => true,
         }

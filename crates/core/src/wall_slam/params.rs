@@ -13,6 +13,7 @@
 /// | `min_sensors_to_detect_loss` | 12 | sensors | measured: with 8 sensors one drive in three raised a false alarm (commit "Heading from how misfits along a wall grow with a turn") | Too small: false alarms suspend mapping. Too large: a kidnapped robot with a small ring is not noticed |
 /// | `vague_sigma_m` | 0.3 | m | by design: a silent error begins at 0.3 m | Too small: poses on the way through a hall are called uncertain. Too large: a robot that no wall corrects says nothing |
 /// | `known_sigma_m` | 0.15 | m | by hand: half of `vague_sigma_m` | Near `vague_sigma_m`: the doubt comes and goes |
+/// | `lost_within_m` | 3 | m | by hand: a room | Too small: the stated error of a lost robot is exceeded. Too large: a nudge looks like a journey |
 /// | `same_pose_m` | 0.25 | m | not measured since the first version | Too small: a false alarm moves a robot that was right. Too large: it stays where it is not |
 /// | `same_pose_rad` | 0.15 | rad | not measured since the first version | As `same_pose_m` |
 /// | `catch_up_sweeps` | 8 | sweeps | not measured since the first version | Too small: the first poses come late. Too large: a sweep takes longer than the time to the next |
@@ -25,8 +26,6 @@
 /// | `axis_window_sensors` | 8 | sensors | by design: the smallest ring with a heading of its own | As `axis_window_step_m` |
 /// | `max_axis_off_rad` | 12 | degrees | by hand: twice `max_heading_correction_rad` | Too small: slanted furniture raises a doubt. Too large: a wrong heading is silent |
 /// | `axis_fits` | 3 | windows | by design: 3 m with one axis | Too small: a building of slanted walls raises doubts. Too large: a heading that is lost early is silent |
-/// | `verified_share` | 0.6 | 1 | by design: more than chance, less than furniture leaves of the walls | Too small: a wrong heading is trusted again. Too large: a right one is doubted to the end |
-/// | `verified_returns` | 200 | returns | by design: two windows of a small ring | As `verified_share` |
 /// | `clearing_sweeps` | 8 | sweeps | not measured since the first version | Too small: time is wasted. Too large: moved furniture stays in the map |
 /// | `on_wall_m` | 0.06 | m | not measured since the first version | Too small: walls are drawn thick. Too large: furniture near a wall disappears into it |
 /// | `beyond_wall_end_m` | 1 | m | not measured since the first version | Too small: walls grow slowly. Too large: a wall is drawn across an opening |
@@ -51,7 +50,6 @@
 /// | `start_fault_sweeps` | 10 | sweeps | not measured since the first version | Too small: a map drawn with a faulty encoder is kept. Too large: a good map is discarded |
 /// | `relocalize_first_sweeps` | 20 | sweeps | not measured since the first version | Too small: few returns fit in many poses. Too large: the map is suspended for longer |
 /// | `relocalize_every_sweeps` | 5 | sweeps | not measured since the first version | Too small: time is wasted. Too large: the map is suspended for longer |
-/// | `relocalize_max_sweeps` | 300 | sweeps | not measured since the first version | Too small: a robot that could be found is not. Too large: after a false alarm the map is suspended for long |
 /// | `relocalize_max_returns` | 1000 | returns | not measured since the first version | Too small: returns fit in many poses. Too large: the wheels have drifted since the oldest |
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Params {
@@ -67,6 +65,8 @@ pub struct Params {
     pub vague_sigma_m: f64,
     /// And no more below this one, metres.
     pub known_sigma_m: f64,
+    /// Standard deviation of the position of a lost robot, metres.
+    pub lost_within_m: f64,
     /// A pose found within this distance of the estimate does not move it, metres.
     pub same_pose_m: f64,
     /// The same for the heading, radians.
@@ -91,10 +91,6 @@ pub struct Params {
     pub max_axis_off_rad: f64,
     /// Windows with the map's axis after which another one is a contradiction.
     pub axis_fits: usize,
-    /// Share of the returns that the walls from before must explain.
-    pub verified_share: f64,
-    /// Memory of that share, returns.
-    pub verified_returns: f64,
     /// A sensor clears its cone in one of so many sweeps.
     pub clearing_sweeps: u64,
     /// A return this near a known wall's line is that wall's, metres.
@@ -143,8 +139,6 @@ pub struct Params {
     pub relocalize_first_sweeps: u32,
     /// Sweeps from one search to the next.
     pub relocalize_every_sweeps: u32,
-    /// After so many the search is abandoned.
-    pub relocalize_max_sweeps: u32,
     /// Returns kept for the search.
     pub relocalize_max_returns: usize,
 }
@@ -158,6 +152,7 @@ impl Default for Params {
             min_sensors_to_detect_loss: 12,
             vague_sigma_m: 0.3,
             known_sigma_m: 0.15,
+            lost_within_m: 3.0,
             same_pose_m: 0.25,
             same_pose_rad: 0.15,
             catch_up_sweeps: 8,
@@ -170,8 +165,6 @@ impl Default for Params {
             axis_window_sensors: 8,
             max_axis_off_rad: 8.0 * std::f64::consts::PI / 180.0,
             axis_fits: 3,
-            verified_share: 0.6,
-            verified_returns: 200.0,
             clearing_sweeps: 8,
             on_wall_m: 0.06,
             beyond_wall_end_m: 1.0,
@@ -196,7 +189,6 @@ impl Default for Params {
             start_fault_sweeps: 10,
             relocalize_first_sweeps: 20,
             relocalize_every_sweeps: 5,
-            relocalize_max_sweeps: 300,
             relocalize_max_returns: 1_000,
         }
     }

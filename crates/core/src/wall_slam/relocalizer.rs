@@ -1,7 +1,6 @@
-//! Finds a robot that may be elsewhere: its returns are collected along the wheels' path until they fit the known walls at one pose.
+//! Finds a robot after an encoder fault: its returns are collected along the wheels' path until they fit the known walls at one pose.
 //!
-//! The filter goes on meanwhile, because the doubt may be a false alarm. It is moved only if another pose explains the returns
-//! distinctly better.
+//! The filter goes on meanwhile. It is moved only if another pose explains the returns distinctly better.
 
 use super::odometry_outage::unknown_within;
 use super::params::Params;
@@ -29,8 +28,6 @@ pub(super) struct Relocalizer {
 /// Why the pose is in doubt.
 #[derive(Clone, Copy, Debug)]
 enum Cause {
-    /// The echoes contradicted the walls.
-    Contradiction,
     /// An encoder was reversed.
     Reversal,
     /// An encoder was dead while the robot moved up to `travel_m`.
@@ -38,26 +35,16 @@ enum Cause {
 }
 
 impl Relocalizer {
-    /// Begins with the robot at `pose`, as far as is known.
+    /// Begins with the robot at `pose`, as far as is known, after the motion since an encoder's reversal was computed anew.
     pub(super) fn new(since: Timestamp, since_sweep: u64, pose: Pose2, odometry: Pose2, params: &Params) -> Self {
         let map_from_odom = pose * odometry.inverse();
         let returns = Vec::with_capacity(params.relocalize_max_returns);
-        Self { since, since_sweep, map_from_odom, returns, sweeps: 0, cause: Cause::Contradiction }
+        Self { since, since_sweep, map_from_odom, returns, sweeps: 0, cause: Cause::Reversal }
     }
 
     /// After an outage of the odometry in which the robot moved up to `travel_m`.
     pub(super) fn after_outage(self, travel_m: f64) -> Self {
         Self { cause: Cause::Outage { travel_m }, ..self }
-    }
-
-    /// After the motion since an encoder's reversal was computed anew.
-    pub(super) fn after_reversal(self) -> Self {
-        Self { cause: Cause::Reversal, ..self }
-    }
-
-    /// True if agreement with the walls ends the doubt. After an encoder fault the pose must be found by a search.
-    pub(super) fn may_be_false_alarm(&self) -> bool {
-        matches!(self.cause, Cause::Contradiction)
     }
 
     /// True if the pose is only a guess around which the robot may have moved far.
@@ -69,7 +56,7 @@ impl Relocalizer {
     pub(super) fn covariance(&self, params: &Params) -> Option<Matrix3<f64>> {
         match self.cause {
             Cause::Outage { travel_m } => Some(unknown_within(travel_m, params)),
-            Cause::Contradiction | Cause::Reversal => None,
+            Cause::Reversal => None,
         }
     }
 
@@ -101,10 +88,5 @@ impl Relocalizer {
         finder.clear();
         let found = relocalize::find(position, &self.returns, walls, axis?.angle_rad)?;
         Some(found.correction * self.map_from_odom * odometry)
-    }
-
-    /// True if searching on is of no use. After an encoder fault it never is.
-    pub(super) fn is_hopeless(&self, params: &Params) -> bool {
-        self.sweeps >= params.relocalize_max_sweeps && self.may_be_false_alarm()
     }
 }

@@ -1,4 +1,4 @@
-//! The pose is in doubt: the filter goes on, nothing is learnt, and the recent returns are matched with the walls known before.
+//! The pose is in doubt after an encoder fault: the filter goes on, nothing is learnt, and the recent returns are matched with the walls known before.
 
 use super::Mode;
 use super::encoder_fault::{self, Response};
@@ -11,7 +11,7 @@ use crate::event::{Event, LocalizationChange, LocalizationEvent};
 use crate::geometry::wrap_angle;
 use crate::sweep::Sweep;
 
-/// A robot that may be elsewhere.
+/// A robot that an encoder fault has misplaced.
 #[derive(Debug)]
 pub(super) struct Relocalizing {
     pub(super) robot: Box<RobotState>,
@@ -24,7 +24,8 @@ impl Relocalizing {
         let predicted = robot.predict(sweep);
         // The map says nothing of the sensors while the pose is in doubt.
         let judged = Judged::new(sweep, None, stages, events);
-        match encoder_fault::respond(predicted, &judged, Some(&relocalizer), stages, events) {
+        let doubt = Some((relocalizer.since, relocalizer.since_sweep));
+        match encoder_fault::respond(predicted, &judged, doubt, stages, events) {
             Response::Continue(predicted) => Self::follow(predicted, relocalizer, &judged, stages, events).into(),
             Response::Relocalize(predicted, relocalizer) => {
                 Self::follow(predicted, relocalizer, &judged, stages, events).into()
@@ -74,8 +75,5 @@ fn search(
         }
         return Some(LocalizationChange::Regained { moved_m, turned_rad });
     }
-    if ekf.monitor().is_sure() && relocalizer.may_be_false_alarm() {
-        return Some(LocalizationChange::Regained { moved_m: 0.0, turned_rad: 0.0 });
-    }
-    relocalizer.is_hopeless(params).then_some(LocalizationChange::Abandoned)
+    None
 }

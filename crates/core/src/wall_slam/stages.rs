@@ -4,11 +4,16 @@ use super::axis_monitor::AxisMonitor;
 use super::doubts::{Doubt, Doubts};
 use super::expected_range;
 use super::params::Params;
+use super::place::jump::JumpDetector;
+use super::place::monitor::{PlaceMonitor, Scene};
+use super::place::params::Params as PlaceParams;
+use super::place::search::{Find, PlaceSearch};
+use super::place::trail::Trail;
 use crate::config::Config;
 use crate::event::{Calibration, Event};
 use crate::fault::detector::Detector;
 use crate::fault::encoder::{EncoderChange, EncoderWatch};
-use crate::geometry::{Placement, Ring};
+use crate::geometry::{Placement, Pose2, Ring};
 use crate::mapping::grid::OccupancyGrid;
 use crate::orientation::dominant_directions::DominantDirections;
 use crate::params;
@@ -30,7 +35,7 @@ pub(super) struct Stages {
     pub(super) detector: Detector,
     pub(super) encoders: EncoderWatch,
     heading_check: HeadingCheck,
-    axis_monitor: AxisMonitor,
+    pub(super) axis_monitor: AxisMonitor,
     /// Scratch of the initializer and the relocalizer, which lay out all returns anew for each search.
     pub(super) finder: DominantDirections,
     pub(super) grid: OccupancyGrid,
@@ -41,6 +46,12 @@ pub(super) struct Stages {
     /// The last sweep whose echoes agreed with the walls.
     pub(super) last_agreement: (u64, Timestamp),
     pub(super) doubts: Doubts,
+    pub(super) place_params: PlaceParams,
+    /// Whether the map still agrees with what is heard.
+    pub(super) place: PlaceMonitor,
+    /// The readings of the last metres.
+    pub(super) trail: Trail,
+    jumps: JumpDetector,
     /// The noise that the readings show, metres, if it is far more than configured; and whether that was told.
     far_range_sigma_m: (Option<f64>, bool),
 }
@@ -74,6 +85,10 @@ impl Stages {
             can_detect_loss: ring.len() >= params.wall_slam.min_sensors_to_detect_loss,
             last_agreement: (0, Timestamp::default()),
             doubts: Doubts::default(),
+            place_params: params.place,
+            place: PlaceMonitor::new(&params.place),
+            trail: Trail::new(&params.place),
+            jumps: JumpDetector::new(ring.len(), &params.place),
             far_range_sigma_m: (None, false),
             params: params.wall_slam,
             position,
@@ -121,6 +136,48 @@ impl Stages {
         }
     }
 
+    /// The map and what the ring can measure.
+    pub(super) fn scene(&self) -> Scene<'_> {
+        Scene { grid: &self.grid, max_range_m: self.max_range_m, params: &self.place_params }
+    }
+
+    /// Keeps a sweep's readings after a motion by the wheels. Returns the way of it, metres; none if the robot was carried.
+    pub(super) fn follow_way(&mut self, sweep: &Sweep, step: Pose2) -> Option<f64> {
+        let is_trusted = |sensor| self.detector.is_trusted(sensor);
+        let is_carried = self.jumps.add(sweep, step, is_trusted);
+        if is_carried {
+            self.trail.clear();
+        }
+        let way_m = self.trail.add(sweep, step, is_trusted);
+        (!is_carried).then_some(way_m)
+    }
+
+    /// Forgets the readings of the last metres: the wheels were wrong.
+    pub(super) fn forget_way(&mut self) {
+        self.trail.clear();
+        self.place.reset();
+        self.axis_monitor.reset();
+    }
+
+    /// Compares a sweep seen from `pose` with the map.
+    pub(super) fn check_place(&mut self, sweep: &Sweep, pose: Pose2, way_m: Option<f64>) {
+        let Some(way_m) = way_m else { return self.place.jump() };
+        let scene = Scene { grid: &self.grid, max_range_m: self.max_range_m, params: &self.place_params };
+        self.place.add(&scene, sweep, pose, way_m, |sensor| self.detector.is_trusted(sensor));
+    }
+
+    /// Tells the search that the pose it found is wrong.
+    pub(super) fn reject(&mut self, search: &mut PlaceSearch) {
+        search.reject(&self.trail, &self.place_params);
+        self.place.reset();
+    }
+
+    /// Searches a lost robot a little farther.
+    pub(super) fn search(&mut self, search: &mut PlaceSearch) -> Option<Find> {
+        let scene = Scene { grid: &self.grid, max_range_m: self.max_range_m, params: &self.place_params };
+        search.step(&self.trail, &scene, &mut self.finder)
+    }
+
     /// Runs the encoders' fault tests.
     pub(super) fn judge_encoders(&mut self, sweep: &Sweep, events: &mut Vec<Event>) -> Option<EncoderChange> {
         self.encoders.inspect(sweep, |sensor| self.detector.is_trusted(sensor), events)
@@ -128,9 +185,8 @@ impl Stages {
 
     /// Every few sweeps, while the heading is in doubt, the axis of the latest returns must be the building's.
     pub(super) fn check_heading(&mut self, ekf: &mut EkfSlam, sweep: &Sweep) {
-        let Self { params, detector, heading_check: check, axis_monitor, doubts, .. } = self;
-        axis_monitor.add(sweep, ekf, |sensor| detector.is_trusted(sensor), params);
-        doubts.set_since(Doubt::Axis, axis_monitor.wrong_since());
+        let Self { params, detector, heading_check: check, axis_monitor, .. } = self;
+        axis_monitor.add(sweep, ekf.filter.pose(), |sensor| detector.is_trusted(sensor), params);
         let pose = Placement::from(ekf.filter.pose());
         for (sensor, beam) in sweep.beams.iter().enumerate() {
             if detector.is_trusted(sensor) {
@@ -156,7 +212,7 @@ impl Stages {
     /// Continues with another map. Returns seen in the old one are discarded.
     pub(super) fn replace_map(&mut self, grid: OccupancyGrid) {
         self.grid = grid;
-        self.axis_monitor.reset();
+        self.forget_way();
         self.heading_check.directions.clear();
     }
 

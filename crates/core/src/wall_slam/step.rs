@@ -20,6 +20,8 @@ use std::collections::VecDeque;
 pub(super) struct RobotState {
     pub(super) ekf: EkfSlam,
     pub(super) history: PoseHistory,
+    /// The motion of the last prediction.
+    step: Pose2,
     /// The first sweep of a map that this run began; none for a saved map.
     pub(super) first_sweep: Option<u64>,
 }
@@ -51,12 +53,14 @@ pub(super) struct Corrected<'s> {
 
 impl RobotState {
     pub(super) fn new(ekf: EkfSlam, first_sweep: Option<u64>, params: &Params) -> Box<Self> {
-        Box::new(Self { ekf, history: PoseHistory::new(params), first_sweep })
+        Box::new(Self { ekf, history: PoseHistory::new(params), step: Pose2::default(), first_sweep })
     }
 
     /// Moves the pose with the wheels, and predicts the range of each beam that faces a well-known wall.
     pub(super) fn predict(mut self: Box<Self>, sweep: &Sweep) -> Predicted {
+        let before = self.ekf.filter.pose();
         self.ekf.predict(sweep.left_m, sweep.right_m);
+        self.step = before.inverse() * self.ekf.filter.pose();
         self.ekf.predict_ranges(sweep);
         Predicted { robot: self, sweep: sweep.index }
     }
@@ -86,13 +90,25 @@ impl Predicted {
     ) -> Corrected<'s> {
         let sweep = judged.sweep;
         debug_assert_eq!(self.sweep, sweep.index, "the prediction of another sweep");
+        let way_m = stages.follow_way(sweep, self.robot.step);
         let can_correct = stages.can_correct;
         self.robot.ekf.correct(sweep, permit.is_some(), |sensor| can_correct && stages.detector.is_trusted(sensor));
         if can_correct {
             stages.check_heading(&mut self.robot.ekf, sweep);
         }
         stages.learn_errors(&self.robot.ekf);
+        stages.check_place(sweep, self.robot.ekf.filter.pose(), way_m);
         Corrected { robot: self.robot, sweep }
+    }
+
+    /// Leaves the pose where the wheels put it: the walls around it are not those that the map has there.
+    ///
+    /// Tells whether the robot was carried again, too.
+    pub(super) fn hold<'s>(mut self, judged: &Judged<'s>, stages: &mut Stages) -> (Corrected<'s>, bool) {
+        let sweep = judged.sweep;
+        let is_carried = stages.follow_way(sweep, self.robot.step).is_none();
+        self.robot.ekf.ignore_sweep();
+        (Corrected { robot: self.robot, sweep }, is_carried)
     }
 }
 

@@ -3,11 +3,12 @@
 use super::Mode;
 use super::encoder_fault::{self, Response};
 use super::initializing::Following;
-use super::relocalizer::Relocalizer;
+use super::lost::Lost;
+use super::place::search::PlaceSearch;
 use super::relocalizing::Relocalizing;
 use super::stages::Stages;
 use super::step::{Corrected, Judged, Predicted, RobotState};
-use crate::event::{Event, LocalizationChange, LocalizationEvent};
+use crate::event::Event;
 use crate::sweep::Sweep;
 
 /// A robot that knows its pose.
@@ -41,31 +42,36 @@ impl Tracking {
         stages: &mut Stages,
         events: &mut Vec<Event>,
     ) -> Following {
-        let permit = (!stages.encoders.is_suspected()).then_some(LearningPermit(()));
+        let may_learn = !stages.encoders.is_suspected() && !stages.place.is_suspicious();
+        let permit = may_learn.then_some(LearningPermit(()));
         let corrected = predicted.correct(judged, permit, stages);
-        let relocalizer = detect_loss(&corrected, stages, events);
-        if let Some(permit) = permit {
+        let search = detect_loss(&corrected, stages, events);
+        if let Some(permit) = permit.filter(|_| !stages.place.is_suspicious()) {
             stages.update_map(&corrected, permit);
         }
         let robot = corrected.publish(None, events);
-        match relocalizer {
+        match search {
             None => Following::Tracking(Self { robot }),
-            Some(relocalizer) => Following::Relocalizing(Relocalizing { robot, relocalizer }),
+            Some(search) => Following::Lost(Lost { robot, search, trial: None }),
         }
     }
 }
 
-/// Starts a relocalization if the echoes contradict the walls.
-fn detect_loss(corrected: &Corrected<'_>, stages: &mut Stages, events: &mut Vec<Event>) -> Option<Relocalizer> {
+/// Begins a search if the echoes contradict the walls or the map.
+fn detect_loss(corrected: &Corrected<'_>, stages: &mut Stages, events: &mut Vec<Event>) -> Option<Box<PlaceSearch>> {
     let Corrected { robot, sweep } = corrected;
     if robot.ekf.monitor().is_sure() {
         stages.last_agreement = (sweep.index, sweep.at);
     }
-    if !stages.can_detect_loss || !robot.ekf.monitor().is_lost() {
+    let onset = if let Some(onset) = stages.axis_monitor.onset() {
+        stages.axis_monitor.reset();
+        onset
+    } else if stages.place.is_lost() {
+        stages.place.onset()
+    } else if stages.can_detect_loss && robot.ekf.monitor().is_lost() {
+        stages.last_agreement
+    } else {
         return None;
-    }
-    let (since_sweep, since) = stages.last_agreement;
-    let change = LocalizationChange::Lost;
-    events.push(Event::Localization(LocalizationEvent { at: sweep.at, since, change }));
-    Some(Relocalizer::new(since, since_sweep, robot.ekf.filter.pose(), sweep.odometry, &stages.params))
+    };
+    Some(Lost::begin(corrected, onset, stages, events))
 }

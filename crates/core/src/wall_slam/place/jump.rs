@@ -1,0 +1,87 @@
+//! Do most readings change at once although the wheels hardly move? Then the robot was lifted or carried.
+
+use super::params::Params;
+use crate::geometry::Pose2;
+use crate::sweep::Sweep;
+
+/// Compares the readings of two sweeps in a row.
+#[derive(Clone, Debug)]
+pub(in crate::wall_slam) struct JumpDetector {
+    /// The range of each sensor in the last sweep, metres: infinite without an echo, none without a measurement.
+    ranges_m: Vec<Option<f64>>,
+    params: Params,
+}
+
+impl JumpDetector {
+    pub(in crate::wall_slam) fn new(sensors: usize, params: &Params) -> Self {
+        Self { ranges_m: vec![None; sensors], params: *params }
+    }
+
+    /// Adds a sweep after the robot moved by `step`, as its wheels say. True if the readings have jumped.
+    pub(in crate::wall_slam) fn add(&mut self, sweep: &Sweep, step: Pose2, is_trusted: impl Fn(usize) -> bool) -> bool {
+        let params = &self.params;
+        let (mut compared, mut changed) = (0usize, 0usize);
+        for (sensor, (beam, before)) in sweep.beams.iter().zip(&mut self.ranges_m).enumerate() {
+            let is_read = is_trusted(sensor) && (beam.has_range() || beam.is_clear());
+            let now = is_read.then_some(beam.range_m);
+            let (Some(old_m), Some(new_m)) = (std::mem::replace(before, now), now) else { continue };
+            let nearer_m = old_m.min(new_m);
+            if nearer_m.is_finite() {
+                compared += 1;
+                let farther_m = old_m.max(new_m);
+                let is_lost = farther_m.is_infinite() && nearer_m < params.jump_heard_m;
+                let is_far = farther_m.is_finite() && farther_m - nearer_m > params.jump_m;
+                changed += usize::from(is_lost || is_far);
+            }
+        }
+        let (way_m, turn_rad) = (step.position().coords.norm(), step.theta_rad.abs());
+        let has_jumped = |beams: usize, share: f64| changed >= beams && changed as f64 >= share * compared as f64;
+        let is_slow = way_m < params.jump_way_m && turn_rad < params.jump_turn_rad;
+        let is_still = way_m < params.still_m && turn_rad < params.still_rad;
+        (is_still && has_jumped(params.still_beams, params.still_share))
+            || (is_slow && has_jumped(params.jump_beams, params.jump_share))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sweep::Beam;
+
+    fn sweep(ranges_m: [f64; 8]) -> Sweep {
+        let beam = |range_m| Beam {
+            range_m,
+            no_measurement: None,
+            age_s: 0.0,
+            robot_from_sensor: Pose2::default(),
+            half_angle_rad: 0.2,
+        };
+        let beams = ranges_m.map(beam);
+        Sweep { beams: beams.to_vec(), ..Sweep::default() }
+    }
+
+    /// Whether the second sweep is a jump from the first, after so much way.
+    fn jumps(from: [f64; 8], to: [f64; 8], way_m: f64) -> bool {
+        let mut detector = JumpDetector::new(8, &Params::default());
+        assert!(!detector.add(&sweep(from), Pose2::default(), |_| true));
+        detector.add(&sweep(to), Pose2::new(way_m, 0.0, 0.0), |_| true)
+    }
+
+    const HERE: [f64; 8] = [1.0, 1.1, 1.2, f64::INFINITY, 2.5, 0.7, 0.8, 2.0];
+
+    #[test]
+    fn a_carried_robot_jumps() {
+        let there = [2.0, 0.4, f64::INFINITY, f64::INFINITY, 1.0, 1.3, 0.8, 0.9];
+        assert!(jumps(HERE, there, 0.0) && jumps(HERE, there, 0.03));
+        assert!(!jumps(HERE, there, 0.2), "who drives fast hears something else");
+    }
+
+    #[test]
+    fn a_person_and_an_echo_that_fails_are_no_jump() {
+        let mut there = HERE;
+        (there[0], there[1], there[4]) = (0.5, 0.6, f64::INFINITY);
+        assert!(!jumps(HERE, there, 0.0) && !jumps(HERE, HERE, 0.0));
+        let untrusted = JumpDetector::new(8, &Params::default()).add(&sweep(HERE), Pose2::default(), |_| false);
+        assert!(!untrusted);
+    }
+}
