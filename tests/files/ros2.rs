@@ -180,7 +180,7 @@ fn path_scan_points_and_description_say_the_same_as_the_rest() {
     let (frame, poses, last): (String, usize, Vec<f64>) = serde_json::from_value(drive.facts["path"].clone()).unwrap();
     let end = floats(&drive.facts["pose"][2]);
     assert!(frame == "map" && poses > 50, "{frame} {poses}");
-    assert!((last[0] - end[0]).hypot(last[1] - end[1]) < 0.06, "{last:?} {end:?}");
+    assert!(libm::hypot(last[0] - end[0], last[1] - end[1]) < 0.06, "{last:?} {end:?}");
     // As many points as finite ranges, and each healthy sensor has its ray.
     let ranges: std::collections::BTreeMap<String, Vec<u64>> =
         serde_json::from_value(drive.facts["ranges"].clone()).unwrap();
