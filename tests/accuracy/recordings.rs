@@ -145,8 +145,8 @@ fn a_ring_csv_becomes_a_capture() {
     assert_eq!(report.frames["SONAR"].count, 4);
     assert!(report.board.starts_with("imported"), "{}", report.board);
     assert_eq!(report.damage, None);
-    assert_eq!(report.gaps.len(), 1);
-    assert!((report.gaps[0].length_s - 1.899).abs() < 1e-9 && (report.duration_s - 2.0).abs() < 1e-9);
+    assert_eq!(report.gaps.len(), 2);
+    assert!((report.gaps[0].length_s - 0.95).abs() < 1e-6 && (report.duration_s - 2.0).abs() < 1e-9);
     let readings: Vec<u64> = report.sensors.iter().map(|sensor| sensor.readings).collect();
     assert_eq!(readings, [4, 3, 2]);
     assert_eq!(report.sensors.iter().map(|sensor| sensor.absent_percent).collect::<Vec<_>>(), [0.0, 0.0, 50.0]);

@@ -166,7 +166,29 @@ fn each_topic_has_its_type_and_its_messages() {
     assert!((6..=10).contains(&maps) && kind == "nav_msgs/msg/OccupancyGrid", "{maps} {kind}");
     let (told, kind) = drive.topic("/diagnostics");
     assert!((39..=60).contains(&told) && kind == "diagnostic_msgs/msg/DiagnosticArray", "{told} {kind}");
-    assert_eq!(drive.facts["topics"].as_object().unwrap().len(), 6 + SENSORS);
+    assert_eq!(drive.topic("/scan"), (sweeps, "sensor_msgs/msg/LaserScan".into()));
+    assert_eq!(drive.topic("/points"), (sweeps, "sensor_msgs/msg/PointCloud2".into()));
+    assert_eq!(drive.topic("/robot_description"), (1, "std_msgs/msg/String".into()));
+    assert_eq!(drive.topic("/path").1, "nav_msgs/msg/Path");
+    assert_eq!(drive.facts["topics"].as_object().unwrap().len(), 10 + SENSORS);
+}
+
+#[test]
+fn path_scan_points_and_description_say_the_same_as_the_rest() {
+    let drive = drive();
+    // The path ends within a step of the last pose.
+    let (frame, poses, last): (String, usize, Vec<f64>) = serde_json::from_value(drive.facts["path"].clone()).unwrap();
+    let end = floats(&drive.facts["pose"][2]);
+    assert!(frame == "map" && poses > 50, "{frame} {poses}");
+    assert!(libm::hypot(last[0] - end[0], last[1] - end[1]) < 0.06, "{last:?} {end:?}");
+    // As many points as finite ranges, and each healthy sensor has its ray.
+    let ranges: std::collections::BTreeMap<String, Vec<u64>> =
+        serde_json::from_value(drive.facts["ranges"].clone()).unwrap();
+    let finite: u64 = ranges.values().map(|counts| counts[0]).sum();
+    assert_eq!(drive.facts["points"].as_u64().unwrap(), finite);
+    assert!(drive.facts["rays"].as_object().unwrap().len() >= SENSORS - 8);
+    let description = drive.facts["description"].as_str().unwrap();
+    assert_eq!(description.matches("<joint ").count(), SENSORS);
 }
 
 #[test]

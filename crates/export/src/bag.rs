@@ -4,10 +4,13 @@
 //! recorder had run beside the robot. So the file is in the order of log time. The first poses, which
 //! wait for the walls' directions, come after the messages received meanwhile.
 
+use super::description::urdf;
 use super::diagnostics::Diagnostics;
 use super::file::{BagError, BagFile, Topic};
 use super::message::{self, BASE, MAP, ODOM, Stamp, Transform, sonar};
 use super::odometry::Wheels;
+use super::path::Path;
+use super::scan::{laser_scan, point_cloud};
 use slamd_core::{Beam, Config, Estimate, Event, Mounting, Pipeline, Pose2, Ring, Sweep, Timestamp};
 use slamd_files::{CompleteFile, Output};
 use std::time::Duration;
@@ -21,6 +24,10 @@ pub struct Bag {
     ring: Ring,
     wheels: Wheels,
     diagnostics: Diagnostics,
+    path: Path,
+    last_sweep: Option<Timestamp>,
+    robot_name: String,
+    wheel_base_m: f64,
     map_revision: u64,
     map_due: Timestamp,
     now: Timestamp,
@@ -43,6 +50,10 @@ impl Bag {
             ring: Ring::default(),
             wheels: Wheels::new(config.robot.wheels()),
             diagnostics: Diagnostics::new(&config.robot.name),
+            path: Path::default(),
+            last_sweep: None,
+            robot_name: config.robot.name.clone(),
+            wheel_base_m: config.robot.wheel_base_m,
             map_revision: 0,
             map_due: Timestamp::default(),
             now: Timestamp::default(),
@@ -86,6 +97,10 @@ impl Bag {
     pub fn complete(mut self, now: Timestamp, pipeline: &Pipeline) -> Result<(CompleteFile, u64, usize), BagError> {
         self.now = now;
         self.write_map(pipeline)?;
+        if self.path.has_news() {
+            let path = self.path.message(self.stamp(now));
+            self.write(Topic::Path, &path)?;
+        }
         self.file.complete()
     }
 
@@ -99,12 +114,19 @@ impl Bag {
             pose: mounting.robot_from_sensor,
         };
         let transforms: Vec<Transform> = self.ring.mountings.iter().enumerate().map(transform).collect();
-        self.write(Topic::StaticTransforms, &message::transforms(&transforms))
+        self.write(Topic::StaticTransforms, &message::transforms(&transforms))?;
+        let urdf = urdf(&self.robot_name, &self.ring, self.wheel_base_m);
+        self.write(Topic::Description, &message::text(&urdf))
     }
 
     fn write_pose(&mut self, estimate: &Estimate) -> Result<(), BagError> {
         let at = self.stamp(estimate.at);
         self.write(Topic::Pose, &message::map_pose(at, estimate.pose, &estimate.covariance))?;
+        self.path.push(at, estimate.pose);
+        if self.path.is_due() {
+            let path = self.path.message(self.stamp(self.now));
+            self.write(Topic::Path, &path)?;
+        }
         self.transform(at, MAP, ODOM, estimate.pose * estimate.odometry.inverse())
     }
 
@@ -119,7 +141,12 @@ impl Bag {
             let message = message::range(at, sensor, &self.ring.mountings[sensor], self.limits_m, range_m);
             self.write(Topic::Sonar(sensor), &message)?;
         }
-        Ok(())
+        let period_s = self.last_sweep.replace(sweep.at).map_or(0.0, |last| sweep.at.seconds_since(last));
+        let is_faulty = |sensor| self.diagnostics.is_faulty(sensor);
+        let scan = laser_scan(at, &sweep.beams, is_faulty, self.limits_m[1], period_s);
+        let points = point_cloud(at, &sweep.beams, is_faulty);
+        self.write(Topic::Scan, &scan)?;
+        self.write(Topic::Points, &points)
     }
 
     fn write_map_if_due(&mut self, pipeline: &Pipeline) -> Result<(), BagError> {

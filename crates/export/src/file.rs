@@ -35,6 +35,10 @@ pub(super) enum Topic {
     Transforms,
     StaticTransforms,
     Diagnostics,
+    Path,
+    Scan,
+    Points,
+    Description,
     Sonar(usize),
 }
 
@@ -61,6 +65,10 @@ impl Topic {
             Self::Transforms => "/tf".into(),
             Self::StaticTransforms => "/tf_static".into(),
             Self::Diagnostics => "/diagnostics".into(),
+            Self::Path => "/path".into(),
+            Self::Scan => "/scan".into(),
+            Self::Points => "/points".into(),
+            Self::Description => "/robot_description".into(),
             Self::Sonar(sensor) => format!("/{}", sonar(sensor)),
         }
     }
@@ -72,15 +80,19 @@ impl Topic {
             Self::Pose => ("geometry_msgs", "PoseWithCovarianceStamped"),
             Self::Transforms | Self::StaticTransforms => ("tf2_msgs", "TFMessage"),
             Self::Diagnostics => ("diagnostic_msgs", "DiagnosticArray"),
+            Self::Path => ("nav_msgs", "Path"),
+            Self::Scan => ("sensor_msgs", "LaserScan"),
+            Self::Points => ("sensor_msgs", "PointCloud2"),
+            Self::Description => ("std_msgs", "String"),
             Self::Sonar(_) => ("sensor_msgs", "Range"),
         }
     }
 
-    /// The quality of service. Late joiners receive the last message of the map and of the static
-    /// transforms, as with `map_server`.
+    /// The quality of service. Late joiners receive the last message of the map, the path, the
+    /// description and the static transforms, as with `map_server`.
     fn offered_qos_profiles(self) -> String {
         const FOREVER: &str = "\n    sec: 9223372036\n    nsec: 854775807\n";
-        let is_kept = matches!(self, Self::Map | Self::StaticTransforms);
+        let is_kept = matches!(self, Self::Map | Self::StaticTransforms | Self::Path | Self::Description);
         let (depth, durability) = if is_kept { (1, TRANSIENT_LOCAL) } else { (10, VOLATILE) };
         format!(
             "- history: {KEEP_LAST}\n  depth: {depth}\n  reliability: {RELIABLE}\n  durability: {durability}\n  deadline:{FOREVER}  \

@@ -105,11 +105,23 @@ pub(super) fn range(at: Stamp, sensor: usize, mounting: &Mounting, limits_m: [f6
 const ULTRASOUND: u8 = 0;
 const UNKNOWN_VARIANCE: f32 = 0.0;
 
+/// `std_msgs/msg/String`.
+pub(super) fn text(text: &str) -> Vec<u8> {
+    let mut cdr = Cdr::new();
+    cdr.text(text);
+    cdr.finish()
+}
+
 /// A message with its header.
 pub(super) fn with_header(at: Stamp, frame: &str) -> Cdr {
     let mut cdr = Cdr::new();
     header(&mut cdr, at, frame);
     cdr
+}
+
+/// A header within a message.
+pub(super) fn stamped(cdr: &mut Cdr, at: Stamp, frame: &str) {
+    header(cdr, at, frame);
 }
 
 fn header(cdr: &mut Cdr, at: Stamp, frame: &str) {
@@ -124,7 +136,7 @@ fn stamp(cdr: &mut Cdr, Stamp(ns): Stamp) {
 }
 
 /// A position and a quaternion: a pose or a transform.
-fn pose(cdr: &mut Cdr, pose: Pose2) {
+pub(super) fn pose(cdr: &mut Cdr, pose: Pose2) {
     let (qz, qw) = libm::sincos(0.5 * pose.theta_rad);
     cdr.f64s(&[pose.x_m, pose.y_m, 0.0]);
     cdr.f64s(&[0.0, 0.0, qz, qw]);

@@ -21,7 +21,7 @@ def with_mcap(path):
         assert all(schema.encoding == "ros2msg" for schema in reader.get_summary().schemas.values())
         for channel in channels:
             (quality,) = yaml.safe_load(channel.metadata["offered_qos_profiles"])
-            assert (quality["durability"] == 1) == (channel.topic in ("/map", "/tf_static")), channel
+            assert (quality["durability"] == 1) == (channel.topic in ("/map", "/tf_static", "/path", "/robot_description")), channel
         for schema, channel, record, message in reader.iter_decoded_messages(log_time_order=False):
             yield channel.topic, schema.name, record.log_time, message
 
@@ -63,6 +63,7 @@ class Facts:
     def __init__(self):
         self.topics, self.frames, self.ranges, self.diagnostics, self.first_error = {}, {}, {}, {}, {}
         self.map, self.pose, self.odom, self.fields = None, None, None, {}
+        self.path, self.description, self.rays, self.points = None, None, {}, 0
         self.in_order, self.last, self.latest_stamp = True, 0, 0
 
     def take(self, topic, kind, at, message):
@@ -87,6 +88,19 @@ class Facts:
             self.odom = [*self.placed(message), message.child_frame_id, velocity, [float(value) for value in twist.covariance]]
         elif topic == "/diagnostics":
             self.diagnose(message, at)
+        elif topic == "/path":
+            self.path = [message.header.frame_id, len(message.poses), pose(message.poses[-1].pose)]
+        elif topic == "/robot_description":
+            self.description = message.data
+        elif topic == "/scan":
+            assert len(message.ranges) == 360 and message.header.frame_id == "base_link", message.header
+            for index, ray in enumerate(message.ranges):
+                if not math.isnan(ray):
+                    self.rays[index] = self.rays.get(index, 0) + 1
+        elif topic == "/points":
+            assert [field.name for field in message.fields] == ["x", "y", "z"] and message.point_step == 12
+            assert len(message.data) == 12 * message.width
+            self.points += message.width
         else:
             self.range(topic, message)
 

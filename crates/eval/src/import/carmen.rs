@@ -78,10 +78,7 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
     let text = text::read(input, file)?;
     let kinds = kinds(&text.text);
     let first = kinds.iter().min_by_key(|(_, (first, _))| *first).map(|(scan, _)| *scan);
-    let Some(scan) = options.scan.or(first) else {
-        let expected = "SONAR, ROBOTLASER1 or FLASER lines";
-        return Err(ImportError::Empty { file: file.into(), expected });
-    };
+    let scan = options.scan.or(first).unwrap_or(Scan::Sonar);
     let mut found =
         Found { kind: "the CARMEN log", is_whole: text.is_whole, remarks: text.remarks, ..Found::default() };
     found.remarks.extend(several(&kinds, scan));
@@ -100,7 +97,9 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
         }
     }
     if !log.has_ranges {
-        return Err(ImportError::Empty { file: file.into(), expected: scan.word() });
+        let any = "SONAR, ROBOTLASER1 or FLASER lines";
+        let expected = if options.scan.is_some() { scan.word() } else { any };
+        return Err(ImportError::Empty { file: file.into(), expected });
     }
     found.doubts.append(&mut log.doubts);
     if log.rows.iter().all(|row| row.ticks.contains(&None)) {
