@@ -4,8 +4,11 @@
 //! The first leg is the first motion, the second the next one with another pattern of signs. Only a drill by hand is judged: a robot that
 //! drives by itself is checked by the pipeline.
 
+mod walls;
+
 use slamd_core::{Ring, Sweep, wrap_angle};
-use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
+use std::f64::consts::FRAC_PI_4;
+use walls::{direction, is_supported, scale, slope, turns_left};
 
 /// The push that the drill asks for, metres.
 pub(super) const PUSH_M: f64 = 0.3;
@@ -17,25 +20,19 @@ const MIN_LEG_M: f64 = 0.05;
 const MIN_TURN_RAD: f64 = 0.6;
 /// A longer path is a drive, metres.
 const MAX_PATH_M: f64 = 3.0;
+/// A person who pushes lets the robot stand before, seconds, and pushes it straight: least ratio of both wheels' travel.
+const MIN_REST_S: f64 = 0.8;
+const MIN_EVEN: f64 = 0.75;
 /// Sweeps kept of each leg.
 const MAX_SWEEPS: usize = 300;
 /// Travel of a wheel within a sweep that is none, metres.
 const STILL_M: f64 = 0.0015;
-/// A slope of range over travel that is one, its largest residual, metres, and its least number of readings.
-const MIN_SLOPE: f64 = 0.15;
-const MAX_RESIDUAL_M: f64 = 0.04;
-const MIN_READINGS: usize = 5;
-/// Sensors within this angle of the direction of travel, or of its opposite, tell the scale.
-const ALONG_RAD: f64 = 0.44;
 /// A scale within these bounds agrees.
 const SAME: [f64; 2] = [0.75, 1.33];
 /// A direction of travel that is farther from sensor bearing zero means that the ring is turned.
 const TURNED_RAD: f64 = 0.7;
 /// A turned ring this near to a multiple of 45 degrees is turned by that, radians.
 const NEAR_RAD: f64 = 0.25;
-/// Ratio of the costs of both directions of turning that decides, and the cost of a reading where another has no echo, metres.
-const MAX_COST_RATIO: f64 = 0.75;
-const MAX_COST_M: f64 = 0.5;
 
 /// One leg of the drill.
 #[derive(Clone, Debug, Default)]
@@ -51,6 +48,12 @@ struct Leg {
 impl Leg {
     fn length_m(&self) -> f64 {
         0.5 * self.rolled_m.iter().map(|m| m.abs()).sum::<f64>()
+    }
+
+    /// True if both wheels rolled alike: straight ahead, or on the spot.
+    fn is_even(&self) -> bool {
+        let [left, right] = self.rolled_m.map(f64::abs);
+        left.min(right) > MIN_EVEN * left.max(right)
     }
 }
 
@@ -93,6 +96,8 @@ pub struct Drill {
     path_m: f64,
     spun_rad: f64,
     still_s: f64,
+    /// How long it stood before the push.
+    rested_s: f64,
     before: Vec<f64>,
 }
 
@@ -114,6 +119,9 @@ impl Drill {
             self.still_s += sweep.elapsed_s;
             self.before = ranges;
             return;
+        }
+        if self.legs.is_empty() {
+            self.rested_s = self.rested_s.max(self.still_s);
         }
         self.still_s = 0.0;
         let signs = rolled.map(|m| m >= 0.0);
@@ -202,17 +210,18 @@ impl Drill {
         let legs: Vec<&Leg> = self.legs.iter().filter(|leg| leg.length_m() >= MIN_LEG_M).collect();
         let (push, turn) = (legs.first(), legs.get(1));
         let bearings: Vec<f64> = ring.mountings.iter().map(|mounting| mounting.robot_from_sensor.theta_rad).collect();
-        let slopes: Vec<(f64, f64)> = push.map_or_else(Vec::new, |push| {
+        let is_asked = |leg: &&&Leg| self.rested_s > MIN_REST_S && leg.is_even();
+        let slopes: Vec<(f64, f64)> = push.filter(is_asked).map_or_else(Vec::new, |push| {
             let slope = |sensor: usize| slope(push.sweeps.iter().filter_map(|(s, r)| Some((*s, *r.get(sensor)?))));
             bearings.iter().enumerate().filter_map(|(sensor, bearing)| Some((*bearing, slope(sensor)?))).collect()
         });
-        let towards_rad = direction(&slopes);
+        let towards_rad = direction(&slopes).filter(|towards| is_supported(&slopes, *towards));
         DrillResult {
             pushed_m: push.map(|leg| leg.rolled_m),
             turned_m: turn.map(|leg| leg.rolled_m),
             towards_rad,
             walls_per_counted: towards_rad.and_then(|towards| scale(&slopes, towards)),
-            walls_turn_left: turn.and_then(|turn| turns_left(turn, &bearings, self.base_m)),
+            walls_turn_left: turn.filter(is_asked).and_then(|turn| turns_left(turn, &bearings, self.base_m)),
         }
     }
 }
@@ -274,107 +283,6 @@ pub fn simple_factor(factor: f64) -> f64 {
     let simple = [0.25, 1.0 / 3.0, 0.5, 1.0, 2.0, 3.0, 4.0];
     let is_near = |simple: &f64| libm::log(factor / simple).abs() < 0.1;
     simple.into_iter().find(is_near).unwrap_or_else(|| (factor * 1e3).round() / 1e3)
-}
-
-/// Slope of range over travel; none if the readings are no line.
-fn slope(readings: impl Iterator<Item = (f64, f64)>) -> Option<f64> {
-    let readings: Vec<(f64, f64)> = readings.filter(|(_, range)| range.is_finite()).collect();
-    let count = readings.len() as f64;
-    let (first, last) = (readings.first()?, readings.last()?);
-    if readings.len() < MIN_READINGS || last.0 - first.0 < MIN_LEG_M {
-        return None;
-    }
-    let mean = |value: fn(&(f64, f64)) -> f64| readings.iter().map(value).sum::<f64>() / count;
-    let (s, r) = (mean(|reading| reading.0), mean(|reading| reading.1));
-    let covariance: f64 = readings.iter().map(|(travel, range)| (travel - s) * (range - r)).sum();
-    let variance: f64 = readings.iter().map(|(travel, _)| (travel - s) * (travel - s)).sum();
-    let slope = covariance / variance.max(1e-9);
-    let residual = readings.iter().map(|(travel, range)| (range - r - slope * (travel - s)).powi(2)).sum::<f64>();
-    ((residual / count).sqrt() < MAX_RESIDUAL_M).then_some(slope)
-}
-
-/// Direction in which walls approach, from bearings and slopes.
-fn direction(slopes: &[(f64, f64)]) -> Option<f64> {
-    let steep: Vec<&(f64, f64)> = slopes.iter().filter(|(_, slope)| slope.abs() > MIN_SLOPE).collect();
-    let sum = |part: fn(f64) -> f64| steep.iter().map(|(bearing, slope)| -slope * part(*bearing)).sum::<f64>();
-    let (x, y) = (sum(libm::cos), sum(libm::sin));
-    let length: f64 = steep.iter().map(|(_, slope)| slope.abs()).sum();
-    (length > 0.0 && libm::hypot(x, y) > 0.6 * length).then(|| libm::atan2(y, x))
-}
-
-/// Median slope of the sensors along the direction of travel.
-fn scale(slopes: &[(f64, f64)], towards_rad: f64) -> Option<f64> {
-    let is_along = |bearing: f64| {
-        let apart = wrap_angle(bearing - towards_rad).abs();
-        !(ALONG_RAD..=PI - ALONG_RAD).contains(&apart)
-    };
-    let mut along: Vec<f64> =
-        slopes.iter().filter(|(b, slope)| is_along(*b) && slope.abs() > MIN_SLOPE).map(|(_, s)| s.abs()).collect();
-    along.sort_by(f64::total_cmp);
-    along.get(along.len() / 2).copied()
-}
-
-/// Whether the profile of ranges turns as in a left turn. The ring sees a profile that turns the other way.
-fn turns_left(leg: &Leg, bearings: &[f64], base_m: f64) -> Option<bool> {
-    let counted_rad = |length_m: f64| 2.0 * length_m / base_m;
-    if counted_rad(leg.length_m()) < MIN_TURN_RAD || bearings.len() < 3 {
-        return None;
-    }
-    let (_, start) = leg.sweeps.iter().find(|(_, ranges)| ranges.len() == bearings.len())?;
-    let mut profile: Vec<(f64, f64)> =
-        bearings.iter().map(|bearing| bearing.rem_euclid(TAU)).zip(start.iter().map(|range| capped(*range))).collect();
-    profile.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let cost = |gain: f64| {
-        let mut sum = (0.0, 1e-9);
-        for (length_m, ranges) in &leg.sweeps {
-            let turned_rad = gain * counted_rad(*length_m);
-            for (bearing, range) in bearings.iter().zip(ranges) {
-                let Some(expected) = interpolated(&profile, bearing + turned_rad) else { continue };
-                let range = capped(*range);
-                if range.is_finite() && expected.is_finite() {
-                    sum = (sum.0 + (range - expected).abs().min(MAX_COST_M), sum.1 + 1.0);
-                }
-            }
-        }
-        sum.0 / sum.1
-    };
-    // The scale of turning is not known: the wheels may count several times too much.
-    let best = |sign: f64| {
-        [0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8].map(|gain| cost(sign * gain)).into_iter().fold(f64::MAX, f64::min)
-    };
-    let (left, right) = (best(1.0), best(-1.0));
-    if left < MAX_COST_RATIO * right {
-        Some(true)
-    } else if right < MAX_COST_RATIO * left {
-        Some(false)
-    } else {
-        None
-    }
-}
-
-/// A range with "nothing in range" as a far wall.
-fn capped(range_m: f64) -> f64 {
-    if range_m == f64::INFINITY {
-        4.0
-    } else if range_m == f64::NEG_INFINITY {
-        0.0
-    } else {
-        range_m
-    }
-}
-
-/// The profile between its two nearest sensors.
-fn interpolated(profile: &[(f64, f64)], bearing: f64) -> Option<f64> {
-    let bearing = bearing.rem_euclid(TAU);
-    let next = profile.iter().position(|(at, _)| *at > bearing).unwrap_or(0);
-    let before = profile.get((next + profile.len() - 1) % profile.len())?;
-    let after = profile.get(next)?;
-    let gap = (after.0 - before.0).rem_euclid(TAU).max(1e-9);
-    if gap > FRAC_PI_2 + 0.1 {
-        return None;
-    }
-    let share = (bearing - before.0).rem_euclid(TAU) / gap;
-    Some(before.1 + share * (after.1 - before.1))
 }
 
 #[cfg(test)]

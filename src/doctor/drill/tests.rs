@@ -2,6 +2,7 @@
 
 use super::*;
 use slamd_core::{Beam, Pose2};
+use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Half the room's sides, metres, and where the drill begins.
 const ROOM_M: [f64; 2] = [6.0, 4.0];
