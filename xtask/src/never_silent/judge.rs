@@ -102,7 +102,8 @@ pub(super) fn judge(case: &Case, trace: &Trace) -> Verdict {
 fn sweeps(trace: &Trace) -> Vec<Sweep> {
     let Trace { pairs, localization, model } = trace;
     let Some(first) = pairs.first() else { return Vec::new() };
-    let mut map_from_world = building_frame(first).inverse();
+    let start = map_frame(first);
+    let mut map_from_world = start.inverse();
     let mut corrections = model.iter().filter(|event| event.state == ModelState::Corrected).peekable();
     let (mut driven_m, mut before) = (0.0, first.truth);
     let sweep = |pair: &Pair<Estimate>| {
@@ -111,7 +112,7 @@ fn sweeps(trace: &Trace) -> Vec<Sweep> {
         before = pair.truth;
         while corrections.next_if(|event| event.at < pair.at).is_some() {
             let turn_rad = building_frame(pair).theta_rad;
-            map_from_world = Pose2::new(first.truth.x_m, first.truth.y_m, turn_rad).inverse();
+            map_from_world = Pose2::new(start.x_m, start.y_m, turn_rad).inverse();
         }
         let (pose, truth, cov) = (pair.estimate.pose, map_from_world * pair.truth, pair.estimate.covariance);
         let error = error(pose, truth);
@@ -127,6 +128,14 @@ fn sweeps(trace: &Trace) -> Vec<Sweep> {
         }
     };
     pairs.iter().map(sweep).collect()
+}
+
+/// The map's frame in the world by its first pose. That may be far from the origin: a robot that was corrected before its map began
+/// tells only its newest pose.
+fn map_frame(first: &Pair<Estimate>) -> Pose2 {
+    let turn_rad = building_frame(first).theta_rad;
+    let moved = Pose2::new(0.0, 0.0, turn_rad) * first.estimate.pose;
+    Pose2::new(first.truth.x_m - moved.x_m, first.truth.y_m - moved.y_m, turn_rad)
 }
 
 fn error(pose: Pose2, truth: Pose2) -> Vector3<f64> {
