@@ -105,7 +105,7 @@ pub(super) fn doubts(state: &FinalState<'_>, summary: &Summary, lost_since_s: Op
 /// The wheel base that the run learnt, if it is another than configured and was not named before.
 fn learnt_base(state: &FinalState<'_>, summary: &Summary) -> Option<String> {
     let (learnt, configured_m) = (state.calibration?, state.config.robot.wheel_base_m);
-    let off = (learnt.wheel_base_m / configured_m).ln().abs();
+    let off = libm::log(learnt.wheel_base_m / configured_m).abs();
     let is_known = learnt.wheel_base_sigma_m < MAX_BASE_SIGMA * learnt.wheel_base_m;
     let is_named = summary.model.iter().any(|report| matches!(report.name, "turn_scale" | "turn_sign"));
     (off > MIN_BASE_ERROR && is_known && !is_named).then(|| {

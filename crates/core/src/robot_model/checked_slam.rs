@@ -257,9 +257,8 @@ impl Estimator for CheckedSlam {
             self.noise = Some(events.remove(earlier + noise));
         }
         if let Some(is_lost) = events.iter().skip(earlier).rev().find_map(lost) {
-            // The window may lie before and after a kidnap. A robot that has not fitted yet is lost because it is another one.
-            if is_lost && !self.is_lost && self.check.is_known() {
-                self.check.clear();
+            if is_lost && !self.is_lost {
+                self.check.lost();
             }
             self.is_lost = is_lost;
             if !is_lost && self.doubt != Doubt::None {

@@ -39,7 +39,7 @@ use crate::geometry::degrees;
 /// | `occam` | 0.2 | nat | by design: what chance adds to the sharpness | Too small: one cause is named as two. Too large: two are named as one |
 /// | `max_factor` | 5.0 | 1 | by design: edges for pulses is a factor of 4 | Too small: a wrong robot is not found. Too large: an empty corridor, which shows no travel, proves any |
 /// | `factor_penalty` | 0.1 | nat per e-fold | by design: a compressed layout is a little sharper by itself | Too small: an empty corridor stops the robot. Too large: wrong scales are found late |
-/// | `known_caution` | 2.0 | 1 | by design: a robot that fitted for metres does not change | Too small: slip becomes a lasting doubt. Too large: a late change is never named |
+/// | `known_caution` | 1.2 | 1 | by design: a robot that fitted for metres does not change | Too small: slip becomes a lasting doubt. Too large: a late change is never named |
 /// | `learnt_distance` | 0.8 | 1 | by design: a base that is off by a sixth | Too small: a good map is begun anew for little. Too large: the map keeps what was drawn before the base was learnt |
 /// | `found_sigma` | 0.08 | 1 | by design: the resolution of the search | Too small: the filter keeps its error. Too large: the first false wall stretches the map |
 /// | `restart_passes` | 3 | passes | by design: the second begins where the first ended, the third confirms | Too small: walls keep the error of the search. Too large: the pipeline stands still for longer |
@@ -121,7 +121,7 @@ impl Default for Params {
             occam: 0.2,
             max_factor: 5.0,
             factor_penalty: 0.1,
-            known_caution: 2.0,
+            known_caution: 1.2,
             learnt_distance: 0.8,
             found_sigma: 0.08,
             restart_passes: 3,
