@@ -35,6 +35,10 @@ use crate::geometry::degrees;
 /// | `still_rad` | 0.3 | deg | as `still_m` | As `still_m` |
 /// | `still_beams` | 4 | beams | measured: robots that stand in homes 1-12 change up to 3 of 6; carried ones 4 to 6 of 8 | Too small: a person looks like a jump. Too large: no ring of 8 notices |
 /// | `still_share` | 0.5 | of the readings | as `still_beams` | As `still_beams` |
+/// | `jump_sigmas` | 8 | standard deviations of a reading | by hand: two readings differ | Too small: noisy readings jump. Too large: as `jump_m` |
+/// | `shift_m` | 0.08 | m | by hand: four times the noise of a range | Too small: noise looks like a push. Too large: a small push is not noticed |
+/// | `shift_sigmas` | 5 | standard deviations of a reading | as `jump_sigmas` | As `shift_m` |
+/// | `shift_sweeps` | 3 | sweeps | by hand | Too small: single outliers look like a push. Too large: a robot that drives on at once is not noticed |
 /// | `suspect` | 1.5 | nats | measured: homes 1-12 stay below but for persons and doors | Too small: the map is suspended often. Too large: a false map is drawn |
 /// | `contradicted` | 3 | nats | by hand: between the two | Too small: the true pose is rejected. Too large: a wrong one is tried for long |
 /// | `lost` | 7 | nats | measured: well tracked drives in homes 1-12 stay below 3; with 5, three of sixty drives in homes 1-20 are lost without need | Too small: false alarms. Too large: a carried robot notices late |
@@ -69,6 +73,10 @@ pub struct Params {
     pub still_rad: f64,
     pub still_beams: usize,
     pub still_share: f64,
+    pub jump_sigmas: f64,
+    pub shift_m: f64,
+    pub shift_sigmas: f64,
+    pub shift_sweeps: u32,
     pub suspect: f64,
     pub contradicted: f64,
     pub lost: f64,
@@ -174,6 +182,10 @@ impl Default for Params {
             still_rad: degrees(0.3),
             still_beams: 4,
             still_share: 0.5,
+            jump_sigmas: 8.0,
+            shift_m: 0.08,
+            shift_sigmas: 5.0,
+            shift_sweeps: 3,
             suspect: 1.5,
             contradicted: 3.0,
             lost: 7.0,
