@@ -70,7 +70,7 @@ impl JumpDetector {
             compared += usize::from(apart_m.is_finite());
             changed += usize::from(apart_m.is_finite() && apart_m > shift_m);
         }
-        let is_shifted = changed >= params.still_beams && changed as f64 >= params.still_share * compared as f64;
+        let is_shifted = changed >= params.shift_beams && changed as f64 >= params.shift_share * compared as f64;
         self.shifted = if is_shifted { self.shifted + 1 } else { 0 };
         let is_pushed = self.shifted >= params.shift_sweeps;
         if is_pushed {

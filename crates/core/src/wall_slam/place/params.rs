@@ -39,6 +39,8 @@ use crate::geometry::degrees;
 /// | `shift_m` | 0.08 | m | by hand: four times the noise of a range | Too small: noise looks like a push. Too large: a small push is not noticed |
 /// | `shift_sigmas` | 5 | standard deviations of a reading | as `jump_sigmas` | As `shift_m` |
 /// | `shift_sweeps` | 3 | sweeps | by hand | Too small: single outliers look like a push. Too large: a robot that drives on at once is not noticed |
+/// | `shift_beams` | 3 | beams | by design: of eight sensors the two ahead and behind do not see a push | Too small: a person looks like a push. Too large: as `shift_m` |
+/// | `shift_share` | 0.4 | of the readings | as `shift_beams` | As `shift_beams` |
 /// | `suspect` | 1.5 | nats | measured: homes 1-12 stay below but for persons and doors | Too small: the map is suspended often. Too large: a false map is drawn |
 /// | `contradicted` | 3 | nats | by hand: between the two | Too small: the true pose is rejected. Too large: a wrong one is tried for long |
 /// | `lost` | 7 | nats | measured: well tracked drives in homes 1-12 stay below 3; with 5, three of sixty drives in homes 1-20 are lost without need | Too small: false alarms. Too large: a carried robot notices late |
@@ -77,6 +79,8 @@ pub struct Params {
     pub shift_m: f64,
     pub shift_sigmas: f64,
     pub shift_sweeps: u32,
+    pub shift_beams: usize,
+    pub shift_share: f64,
     pub suspect: f64,
     pub contradicted: f64,
     pub lost: f64,
@@ -186,6 +190,8 @@ impl Default for Params {
             shift_m: 0.08,
             shift_sigmas: 5.0,
             shift_sweeps: 3,
+            shift_beams: 3,
+            shift_share: 0.4,
             suspect: 1.5,
             contradicted: 3.0,
             lost: 7.0,
