@@ -131,19 +131,21 @@ impl Trial {
     /// Whether the pose is right; none while that is open.
     fn verdict(&self, stages: &Stages) -> Option<bool> {
         let (search, record) = (&stages.place_params.search, stages.place.record());
-        if stages.place.is_suspicious() {
+        if stages.place.is_contradicted() {
             return Some(false);
         }
-        let way_m = if self.is_near { search.near_trial_m } else { search.trial_m };
-        let fits = if self.is_near {
-            record.explained() >= search.min_near_explained
+        let (min_way_m, min_explained, min_told) = if self.is_near {
+            (search.near_trial_m, search.min_near_explained, 0.0)
         } else {
-            record.explained() >= search.min_explained && record.told() >= search.min_told
+            (search.trial_m, search.trial_explained, search.trial_told)
         };
-        if record.way_m < way_m {
-            return None;
+        let fits = record.explained() >= min_explained && record.told() >= min_told;
+        match record.way_m {
+            way_m if way_m < min_way_m => None,
+            _ if fits => Some(true),
+            way_m if way_m < 2.0 * min_way_m => None,
+            _ => Some(false),
         }
-        if fits { Some(true) } else { (record.way_m > 2.0 * way_m).then_some(false) }
     }
 }
 

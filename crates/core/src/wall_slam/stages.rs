@@ -108,6 +108,7 @@ impl Stages {
     /// Takes what a corrected filter knows of the readings' noise and of its own errors.
     pub(super) fn learn_errors(&mut self, ekf: &EkfSlam) {
         self.detector.set_range_sigma(ekf.range_sigma_m());
+        self.jumps.set_range_sigma(ekf.range_sigma_m());
         self.far_range_sigma_m.0 = ekf.far_range_sigma_m();
         let cov = ekf.stated_covariance();
         let variance = cov[(0, 0)] + cov[(1, 1)];

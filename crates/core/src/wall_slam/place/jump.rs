@@ -1,4 +1,5 @@
-//! Do most readings change at once although the wheels hardly move? Then the robot was lifted or carried.
+//! Do most readings change at once although the wheels hardly move? Then the robot was lifted or carried. Do half of them change while the
+//! wheels stand? Then it was pushed.
 
 use super::params::Params;
 use crate::geometry::Pose2;
@@ -9,17 +10,29 @@ use crate::sweep::Sweep;
 pub(in crate::wall_slam) struct JumpDetector {
     /// The range of each sensor in the last sweep, metres: infinite without an echo, none without a measurement.
     ranges_m: Vec<Option<f64>>,
+    /// The same when the wheels came to rest.
+    rest_m: Vec<Option<f64>>,
+    /// Sweeps in a row in which the readings differ from those.
+    shifted: u32,
+    range_sigma_m: f64,
     params: Params,
 }
 
 impl JumpDetector {
     pub(in crate::wall_slam) fn new(sensors: usize, params: &Params) -> Self {
-        Self { ranges_m: vec![None; sensors], params: *params }
+        let (ranges_m, rest_m) = (vec![None; sensors], vec![None; sensors]);
+        Self { ranges_m, rest_m, shifted: 0, range_sigma_m: 0.0, params: *params }
+    }
+
+    /// Takes the noise of the readings, metres.
+    pub(in crate::wall_slam) fn set_range_sigma(&mut self, range_sigma_m: f64) {
+        self.range_sigma_m = range_sigma_m;
     }
 
     /// Adds a sweep after the robot moved by `step`, as its wheels say. True if the readings have jumped.
     pub(in crate::wall_slam) fn add(&mut self, sweep: &Sweep, step: Pose2, is_trusted: impl Fn(usize) -> bool) -> bool {
-        let params = &self.params;
+        let params = self.params;
+        let jump_m = params.jump_m.max(params.jump_sigmas * self.range_sigma_m);
         let (mut compared, mut changed) = (0usize, 0usize);
         for (sensor, (beam, before)) in sweep.beams.iter().zip(&mut self.ranges_m).enumerate() {
             let is_read = is_trusted(sensor) && (beam.has_range() || beam.is_clear());
@@ -30,7 +43,7 @@ impl JumpDetector {
                 compared += 1;
                 let farther_m = old_m.max(new_m);
                 let is_lost = farther_m.is_infinite() && nearer_m < params.jump_heard_m;
-                let is_far = farther_m.is_finite() && farther_m - nearer_m > params.jump_m;
+                let is_far = farther_m.is_finite() && farther_m - nearer_m > jump_m;
                 changed += usize::from(is_lost || is_far);
             }
         }
@@ -38,8 +51,33 @@ impl JumpDetector {
         let has_jumped = |beams: usize, share: f64| changed >= beams && changed as f64 >= share * compared as f64;
         let is_slow = way_m < params.jump_way_m && turn_rad < params.jump_turn_rad;
         let is_still = way_m < params.still_m && turn_rad < params.still_rad;
-        (is_still && has_jumped(params.still_beams, params.still_share))
+        if !is_still {
+            self.rest_m.clone_from(&self.ranges_m);
+            self.shifted = 0;
+        }
+        (is_still && (has_jumped(params.still_beams, params.still_share) | self.is_pushed()))
             || (is_slow && has_jumped(params.jump_beams, params.jump_share))
+    }
+
+    /// True once the readings have differed for some sweeps from those at the beginning of the rest.
+    fn is_pushed(&mut self) -> bool {
+        let params = &self.params;
+        let shift_m = params.shift_m.max(params.shift_sigmas * self.range_sigma_m);
+        let (mut compared, mut changed) = (0usize, 0usize);
+        for (before, now) in self.rest_m.iter().zip(&self.ranges_m) {
+            let (Some(before_m), Some(now_m)) = (before, now) else { continue };
+            let apart_m = (before_m - now_m).abs();
+            compared += usize::from(apart_m.is_finite());
+            changed += usize::from(apart_m.is_finite() && apart_m > shift_m);
+        }
+        let is_shifted = changed >= params.shift_beams && changed as f64 >= params.shift_share * compared as f64;
+        self.shifted = if is_shifted { self.shifted + 1 } else { 0 };
+        let is_pushed = self.shifted >= params.shift_sweeps;
+        if is_pushed {
+            self.rest_m.clone_from(&self.ranges_m);
+            self.shifted = 0;
+        }
+        is_pushed
     }
 }
 
@@ -74,6 +112,20 @@ mod tests {
         let there = [2.0, 0.4, f64::INFINITY, f64::INFINITY, 1.0, 1.3, 0.8, 0.9];
         assert!(jumps(HERE, there, 0.0) && jumps(HERE, there, 0.03));
         assert!(!jumps(HERE, there, 0.2), "who drives fast hears something else");
+    }
+
+    #[test]
+    fn a_robot_that_is_pushed_aside_while_it_stands_is_noticed() {
+        let pushed = |way_m: f64| {
+            let mut detector = JumpDetector::new(8, &Params::default());
+            detector.add(&sweep(HERE), Pose2::new(0.03, 0.0, 0.0), |_| true);
+            let aside = |by_m: f64| [1.0, 1.1 + by_m, 1.2 + by_m, f64::INFINITY, 2.5, 0.7 - by_m, 0.8 - by_m, 2.0];
+            (1..=8).any(|step| {
+                let by_m = 0.05 * f64::from(step).min(5.0);
+                detector.add(&sweep(aside(by_m)), Pose2::new(way_m, 0.0, 0.0), |_| true)
+            })
+        };
+        assert!(pushed(0.0) && !pushed(0.02));
     }
 
     #[test]

@@ -132,6 +132,11 @@ impl PlaceMonitor {
         self.sum > self.params.suspect
     }
 
+    /// True once a pose that is only tried is wrong.
+    pub(in crate::wall_slam) fn is_contradicted(&self) -> bool {
+        self.sum > self.params.contradicted
+    }
+
     /// True once the robot is elsewhere.
     pub(in crate::wall_slam) fn is_lost(&self) -> bool {
         self.sum > self.params.lost

@@ -35,7 +35,14 @@ use crate::geometry::degrees;
 /// | `still_rad` | 0.3 | deg | as `still_m` | As `still_m` |
 /// | `still_beams` | 4 | beams | measured: robots that stand in homes 1-12 change up to 3 of 6; carried ones 4 to 6 of 8 | Too small: a person looks like a jump. Too large: no ring of 8 notices |
 /// | `still_share` | 0.5 | of the readings | as `still_beams` | As `still_beams` |
+/// | `jump_sigmas` | 8 | standard deviations of a reading | by hand: two readings differ | Too small: noisy readings jump. Too large: as `jump_m` |
+/// | `shift_m` | 0.08 | m | by hand: four times the noise of a range | Too small: noise looks like a push. Too large: a small push is not noticed |
+/// | `shift_sigmas` | 5 | standard deviations of a reading | as `jump_sigmas` | As `shift_m` |
+/// | `shift_sweeps` | 3 | sweeps | by hand | Too small: single outliers look like a push. Too large: a robot that drives on at once is not noticed |
+/// | `shift_beams` | 3 | beams | by design: of eight sensors the two ahead and behind do not see a push | Too small: a person looks like a push. Too large: as `shift_m` |
+/// | `shift_share` | 0.4 | of the readings | as `shift_beams` | As `shift_beams` |
 /// | `suspect` | 1.5 | nats | measured: homes 1-12 stay below but for persons and doors | Too small: the map is suspended often. Too large: a false map is drawn |
+/// | `contradicted` | 3 | nats | by hand: between the two | Too small: the true pose is rejected. Too large: a wrong one is tried for long |
 /// | `lost` | 7 | nats | measured: well tracked drives in homes 1-12 stay below 3; with 5, three of sixty drives in homes 1-20 are lost without need | Too small: false alarms. Too large: a carried robot notices late |
 /// | `search` | see there | - | [`SearchParams`] | |
 #[expect(missing_docs, reason = "the table describes each field")]
@@ -68,7 +75,14 @@ pub struct Params {
     pub still_rad: f64,
     pub still_beams: usize,
     pub still_share: f64,
+    pub jump_sigmas: f64,
+    pub shift_m: f64,
+    pub shift_sigmas: f64,
+    pub shift_sweeps: u32,
+    pub shift_beams: usize,
+    pub shift_share: f64,
     pub suspect: f64,
+    pub contradicted: f64,
     pub lost: f64,
     pub search: SearchParams,
 }
@@ -101,8 +115,10 @@ pub struct Params {
 /// | `min_near_explained` | 0.65 | as `min_explained` | homes 1-60 | As `min_explained`, for a pushed robot and a false alarm |
 /// | `min_near_told` | 0.3 | as `min_told` | homes 1-60 | As `min_told`, for a pushed robot and a false alarm |
 /// | `again_m` | 0.5 | m | by hand: the way over which they must | Too small: the same readings agree with themselves. Too large: found late |
-/// | `trial_m` | 2 | m | by hand: the way over which a far pose that was found must agree with the map before it is stated | Too small: a place that looks alike is taken for the true one. Too large: found late |
+/// | `trial_m` | 2.5 | m | by hand: the way over which a far pose that was found must agree with the map before it is stated | Too small: a place that looks alike is taken for the true one. Too large: found late |
 /// | `near_trial_m` | 0.7 | m | by hand: the same for a near one | As `trial_m` |
+/// | `trial_explained` | 0.75 | as `min_explained` | homes 1-20: 0.86 rejects half of the true poses, at the rim of the map or among persons | Too small: wrong poses. Too large: the true one is rejected |
+/// | `trial_told` | 0.4 | as `min_told` | as `trial_explained` | As `trial_explained` |
 /// | `same_m` | 0.3 | m | by hand: two searches agree | Too small: drift hides the pose. Too large: chance agrees |
 /// | `same_rad` | 10 | deg | by hand | As `same_m` |
 #[expect(missing_docs, reason = "the table describes each field")]
@@ -134,6 +150,8 @@ pub struct SearchParams {
     pub again_m: f64,
     pub trial_m: f64,
     pub near_trial_m: f64,
+    pub trial_explained: f64,
+    pub trial_told: f64,
     pub same_m: f64,
     pub same_rad: f64,
 }
@@ -168,7 +186,14 @@ impl Default for Params {
             still_rad: degrees(0.3),
             still_beams: 4,
             still_share: 0.5,
+            jump_sigmas: 8.0,
+            shift_m: 0.08,
+            shift_sigmas: 5.0,
+            shift_sweeps: 3,
+            shift_beams: 3,
+            shift_share: 0.4,
             suspect: 1.5,
+            contradicted: 3.0,
             lost: 7.0,
             search: SearchParams::default(),
         }
@@ -195,15 +220,17 @@ impl Default for SearchParams {
             apart_rad: degrees(20.0),
             min_explained: 0.86,
             rival_explained: 0.6,
-            min_told: 0.7,
-            min_lead: 8.0,
+            min_told: 0.6,
+            min_lead: 6.0,
             min_near_lead: 3.0,
             min_near_explained: 0.65,
             min_near_told: 0.3,
             min_finds: 2,
             again_m: 0.5,
-            trial_m: 2.0,
+            trial_m: 2.5,
             near_trial_m: 0.7,
+            trial_explained: 0.75,
+            trial_told: 0.4,
             same_m: 0.3,
             same_rad: degrees(10.0),
         }
