@@ -150,6 +150,15 @@ fn a_push_is_mended_within_two_metres() {
 }
 
 #[test]
+fn a_wheel_that_spins_in_place_is_noticed() {
+    let outcome = drive(SPIN_SEED, 100.0, "spin=left@60s-61s");
+    println!("{:?}", outcome.events);
+    assert!(outcome.way_until(|moment| moment.is_lost).unwrap() < 4.0);
+    assert!(outcome.silent_s() < 20.0, "{:.1} s", outcome.silent_s());
+    assert!(outcome.end().is_lost || outcome.end().error_m < RIGHT_M, "{:.2} m", outcome.end().error_m);
+}
+
+#[test]
 fn people_and_doors_are_no_other_place() {
     for seed in [1, 6] {
         let outcome = drive(seed, 100.0, "");
