@@ -19,17 +19,16 @@ const EXAMPLES: &[(&str, &str)] = &[
   slamd simulate --robot-fault wheels-swapped --robot-fault ticks=2 --pty board & slamd setup --port board",
     ),
     (
-        "import",
-        "  slamd import ring drive.csv --config robot.toml --capture drive.mcap
-  slamd import carmen robot.log --config robot.toml --capture drive.mcap",
-    ),
-    (
         "import ring",
         "  slamd import ring drive.csv --config robot.toml --capture drive.mcap && slamd replay drive.mcap",
     ),
     (
         "import carmen",
         "  slamd import carmen robot.log --config robot.toml --capture drive.mcap && slamd replay drive.mcap",
+    ),
+    (
+        "import bag",
+        "  slamd import bag rosbag2_2026_05_01/ --config robot.toml --capture drive.mcap && slamd replay drive.mcap",
     ),
     (
         "calibrate",

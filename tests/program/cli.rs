@@ -99,7 +99,7 @@ fn errors_of_the_system_are_in_words() {
     for (arguments, words) in [
         (&["inspect", "."][..], "it is a folder, not a file"),
         (&["simulate", "--duration", "1", "--capture", "good.toml/x.mcap"], "it is a file, not a folder"),
-        (&["replay", "still.mcap", "-o", "good.toml"], "it is a file, not a folder"),
+        (&["replay", "still.mcap", "-o", "good.toml"], "good.toml is a file, not a folder"),
         (&["replay", "nowhere.mcap"], "there is no such file or folder"),
     ] {
         let (_, text) = slamd(arguments);
