@@ -66,6 +66,8 @@ fn over_the_wire(seed: u64) -> Accuracy {
     let (runner, image) = emulation::build();
     let out = output(&format!("wire-{seed}"));
     let recording = out.with_extension("mcap");
+    // A recording of an earlier run is not written over: this one would have another name.
+    let _ = std::fs::remove_file(&recording);
     // Inherited by what is started here. Not everybody may; then the machine should be idle.
     let _ = rustix::process::setpriority_process(None, -20);
     let mut host = Wire::new();
