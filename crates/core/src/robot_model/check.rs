@@ -121,7 +121,13 @@ impl ModelCheck {
         if is_quiet && !self.fitting_keys.is_multiple_of(self.params.known_every_sweeps) {
             return Verdict::Open;
         }
-        let steps = if is_quiet { self.params.steps_known } else { self.params.steps_new };
+        let steps = if is_quiet {
+            self.params.steps_known
+        } else if self.evidence <= 0.0 && self.fitting_keys > self.params.new_keys {
+            self.params.steps_fitting
+        } else {
+            self.params.steps_new
+        };
         let reference = self.best_heading(believed, believed);
         for _ in 0..steps {
             let Some(alternative) = alternative(believed, self.next) else { return self.weigh(believed) };
