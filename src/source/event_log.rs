@@ -44,11 +44,6 @@ fn note_localization(event: &LocalizationEvent) {
             "position found again, {moved_m:.2} m and {:.0} degrees off; poses since {since_s:.1} s were uncertain",
             turned_rad.to_degrees()
         ),
-        LocalizationChange::Abandoned => {
-            tracing::warn!(
-                "position not found: no other pose explains the echoes; mapping continues at the estimated pose"
-            );
-        }
         LocalizationChange::Doubted { reason } => {
             tracing::warn!("poses are uncertain since {since_s:.1} s: {reason}");
         }

@@ -133,7 +133,7 @@ impl LocalizationEvent {
     pub fn is_lost(&self) -> bool {
         match &self.change {
             LocalizationChange::Lost | LocalizationChange::Doubted { .. } => true,
-            LocalizationChange::Regained { .. } | LocalizationChange::Abandoned | LocalizationChange::Trusted => false,
+            LocalizationChange::Regained { .. } | LocalizationChange::Trusted => false,
             LocalizationChange::KnownMap(search) => search.state != SearchState::Found,
         }
     }
@@ -151,8 +151,6 @@ pub enum LocalizationChange {
         /// Error of the heading estimate until now, radians.
         turned_rad: f64,
     },
-    /// No other pose fits better: relocalization ended, the estimate stays.
-    Abandoned,
     /// The pose cannot be relied on, though the echoes may agree with the map: the robot itself is in doubt.
     Doubted {
         /// Explanation for people.

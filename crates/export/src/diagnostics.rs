@@ -101,12 +101,6 @@ impl Diagnostics {
                     LocalizationChange::Regained { .. } => {
                         Status::new(Level::Ok, "known", "position found again", Some(event.at))
                     }
-                    LocalizationChange::Abandoned => Status::new(
-                        Level::Warn,
-                        "doubtful",
-                        "position not found: no other place explains what is heard",
-                        Some(event.at),
-                    ),
                     LocalizationChange::Doubted { reason } => {
                         Status::new(Level::Error, "doubtful", reason.as_str(), Some(event.since))
                     }

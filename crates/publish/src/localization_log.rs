@@ -26,7 +26,6 @@ impl LockLog {
         let change = match event.change {
             LocalizationChange::Lost => "lost",
             LocalizationChange::Regained { .. } => "regained",
-            LocalizationChange::Abandoned => "abandoned",
             LocalizationChange::Doubted { .. } => "doubted",
             LocalizationChange::Trusted => "trusted",
             // The search in a known map goes to `summary.json`.

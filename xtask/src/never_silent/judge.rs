@@ -239,7 +239,7 @@ mod tests {
         let time = |seconds| Timestamp::default() + Duration::from_secs_f64(seconds);
         let event = |at, since, change| LocalizationEvent { at: time(at), since: time(since), change };
         let lost = |at, since| event(at, since, LocalizationChange::Lost);
-        let events = [lost(10.0, 8.0), event(12.0, 7.0, LocalizationChange::Abandoned), lost(20.0, 19.0)];
+        let events = [lost(10.0, 8.0), event(12.0, 7.0, LocalizationChange::Trusted), lost(20.0, 19.0)];
         let flags = [6.9, 7.5, 9.0, 11.0, 12.1, 18.9, 19.1, 100.0].map(|at| is_uncertain(&events, time(at)));
         assert_eq!(flags, [false, true, true, true, false, false, true, true]);
     }

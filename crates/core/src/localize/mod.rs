@@ -122,8 +122,8 @@ impl Localizer {
         self.report(at, SearchState::Found, reason, events);
     }
 
-    /// Starts the search again if the sweeps no longer match the known walls, or if relocalization among them was abandoned.
-    fn detect_loss(&mut self, at: Timestamp, is_abandoned: bool, events: &mut Vec<Event>) {
+    /// Starts the search again if the sweeps no longer match the known walls.
+    fn detect_loss(&mut self, at: Timestamp, events: &mut Vec<Event>) {
         let associations = self.slam.associations();
         let has_returns = associations.iter().any(|used| !matches!(used, Association::Unused));
         if has_returns {
@@ -131,7 +131,7 @@ impl Localizer {
             self.matching_share +=
                 self.params.localize.share_gain * (f64::from(u8::from(matches_wall)) - self.matching_share);
         }
-        if is_abandoned || self.matching_share < self.params.localize.lost_share {
+        if self.matching_share < self.params.localize.lost_share {
             *self.slam = WallSlam::with_params(&self.config, &self.ring, &self.params);
             (self.is_found, self.driven_s, self.moved_m, self.has_warned) = (false, 0.0, 0.0, false);
             self.searching_since = at;
@@ -187,9 +187,8 @@ impl Estimator for Localizer {
             self.driven_s += sweep.elapsed_s;
         }
         if self.is_found {
-            let before = events.len();
             self.slam.update(sweep, events);
-            self.detect_loss(sweep.at, events[before..].iter().any(is_abandoned), events);
+            self.detect_loss(sweep.at, events);
             return;
         }
         self.slam.update(sweep, &mut self.scratch);
@@ -244,8 +243,4 @@ impl Estimator for Localizer {
     fn calibration(&self) -> Option<Calibration> {
         self.slam.calibration()
     }
-}
-
-fn is_abandoned(event: &Event) -> bool {
-    matches!(event, Event::Localization(LocalizationEvent { change: LocalizationChange::Abandoned, .. }))
 }

@@ -24,7 +24,7 @@
 /// | `axis_window_step_m` | 0.02 | m | by design: 50 sweeps per window, at which the check takes 0.3 ms | Too small: time is wasted. Too large: a window shows no axis |
 /// | `axis_window_rim_m` | 0.15 | m | by design: radius of a usual ring | Too small: turning fills the window slowly. Too large: the window holds little travel |
 /// | `axis_window_sensors` | 8 | sensors | by design: the smallest ring with a heading of its own | As `axis_window_step_m` |
-/// | `max_axis_off_rad` | 12 | degrees | by hand: twice `max_heading_correction_rad` | Too small: slanted furniture raises a doubt. Too large: a wrong heading is silent |
+/// | `max_axis_off_rad` | 8 | degrees | by hand: more than `max_heading_correction_rad` | Too small: slanted furniture raises a doubt. Too large: a wrong heading is silent |
 /// | `axis_fits` | 3 | windows | by design: 3 m with one axis | Too small: a building of slanted walls raises doubts. Too large: a heading that is lost early is silent |
 /// | `clearing_sweeps` | 8 | sweeps | not measured since the first version | Too small: time is wasted. Too large: moved furniture stays in the map |
 /// | `on_wall_m` | 0.06 | m | not measured since the first version | Too small: walls are drawn thick. Too large: furniture near a wall disappears into it |

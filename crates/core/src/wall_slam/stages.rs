@@ -47,7 +47,7 @@ pub(super) struct Stages {
     pub(super) last_agreement: (u64, Timestamp),
     pub(super) doubts: Doubts,
     pub(super) place_params: PlaceParams,
-    /// Whether the map still agrees with what is heard.
+    /// How much the latest sweeps contradict the map.
     pub(super) place: PlaceMonitor,
     /// The readings of the last metres.
     pub(super) trail: Trail,

@@ -108,8 +108,8 @@ pub struct Params {
 /// | `apart_rad` | 20 | deg | by design | As `apart_m` |
 /// | `min_explained` | 0.86 | of the readings of which the map tells | homes 1-60 | Too small: wrong poses. Too large: clutter hides the true one |
 /// | `rival_explained` | 0.6 | of those | homes 1-60: clutter hides as much at the true pose | Too small: the robot stays lost. Too large: the true place is no rival of a wrong one |
-/// | `min_told` | 0.7 | of the readings | homes 1-60 | Too small: a few readings fit anywhere. Too large: at the rim of the map the robot stays lost |
-/// | `min_lead` | 8 | nats | homes 1-60 | Too small: one of two alike rooms is chosen by chance. Too large: the robot stays lost |
+/// | `min_told` | 0.6 | of the readings | homes 1-60 | Too small: a few readings fit anywhere. Too large: at the rim of the map the robot stays lost |
+/// | `min_lead` | 6 | nats | homes 1-60 | Too small: one of two alike rooms is chosen by chance. Too large: the robot stays lost |
 /// | `min_near_lead` | 3 | nats | homes 1-60: a push is likelier than a kidnap | As `min_lead`, for a pushed robot and a false alarm |
 /// | `min_finds` | 2 | searches | by hand: so many must find a far pose | Too small: the same readings agree with themselves. Too large: found late |
 /// | `min_near_explained` | 0.65 | as `min_explained` | homes 1-60 | As `min_explained`, for a pushed robot and a false alarm |
