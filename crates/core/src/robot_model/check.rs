@@ -209,7 +209,7 @@ impl ModelCheck {
         let mut rivals = causes.into_iter().filter(|(score, _)| *score >= least).map(|(_, robot)| robot);
         let first = rivals.next()?;
         if rivals.next().is_none() {
-            return Some(first.with_known_unit());
+            return Some(first);
         }
         let is_scale = causes[0].0 >= least;
         (must_decide && is_scale).then_some(first)
@@ -219,7 +219,9 @@ impl ModelCheck {
     fn best_of(&mut self, cause: Cause, believed: &RobotModel) -> (f64, RobotModel) {
         let mut best = (f64::NEG_INFINITY, *believed);
         for index in cause.indices() {
-            let Some(robot) = alternative(believed, index) else { continue };
+            let Some(robot) = alternative(believed, index).filter(|robot| robot.has_known_unit(believed)) else {
+                continue;
+            };
             let score = self.log_score(&robot, believed);
             if score > best.0 {
                 best = (score, robot);
@@ -318,9 +320,8 @@ impl Cause {
         match self {
             Self::Scale => 0..2,
             Self::Turn => 2..4,
-            Self::Range => 4..6,
             Self::Ring => 6..8,
-            Self::Mirrored | Self::Reversed => 0..0,
+            Self::Range | Self::Mirrored | Self::Reversed => 0..0,
         }
     }
 }

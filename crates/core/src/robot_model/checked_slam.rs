@@ -167,13 +167,13 @@ impl CheckedSlam {
         let before: Vec<SensorState> = self.slam.states().to_vec();
         self.first_revision += self.slam.map_since(u64::MAX).map_or(0, |(_, newest)| newest) + 2;
         self.is_rough = !found.is_mirrored();
-        let mut again = self.follow_again(found);
+        let mut again = self.follow_again(found, &found);
         for _ in 1..self.params.robot_model.restart_passes {
             let learnt = self.believed();
             if learnt.distance(&self.model) < self.params.robot_model.restart_distance {
                 break;
             }
-            again = self.follow_again(learnt);
+            again = self.follow_again(learnt, &found);
         }
         let newest = again.iter().rposition(|event| matches!(event, Event::Estimate(_)));
         self.is_lost = again.iter().rev().find_map(lost).unwrap_or(false);
@@ -194,14 +194,21 @@ impl CheckedSlam {
     }
 
     /// Begins anew with a robot, and processes the drive's sweeps; the faults, the localization and the last sweep's events.
-    fn follow_again(&mut self, robot: RobotModel) -> Vec<Event> {
+    ///
+    /// What the search `found` is only as exact as its steps, and the filter learns the rest; what it left alone is as certain as before.
+    fn follow_again(&mut self, robot: RobotModel, found: &RobotModel) -> Vec<Event> {
         self.model = robot;
         self.odometry = Pose2::default();
         self.noise = None;
         let (mut config, mut params) = (self.config.clone(), self.params.clone());
         let sigma = self.params.robot_model.found_sigma;
-        config.robot.wheel_base_sigma_m = Some(sigma * config.robot.wheel_base_m);
-        params.position.filter.travel_sigma = sigma;
+        let is_found = |factor: f64| libm::log(factor.abs()).abs() > 0.5 * sigma;
+        if is_found(found.travel / found.turn) {
+            config.robot.wheel_base_sigma_m = Some(sigma * config.robot.wheel_base_m);
+        }
+        if is_found(found.travel) {
+            params.position.filter.travel_sigma = sigma;
+        }
         self.slam = WallSlam::with_params(&config, &robot.ring(&self.ring), &params);
         let history = std::mem::replace(&mut self.history, History::new(0));
         let mut again = Vec::new();

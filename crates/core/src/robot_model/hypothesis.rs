@@ -53,10 +53,10 @@ impl RobotModel {
         Pose2::new(self.travel * moved.x_m, self.travel * moved.y_m, self.turn * moved.theta_rad)
     }
 
-    /// The same with ranges of exactly half or twice the true ones, if they are nearly so: one way is counted for two, or two for one.
-    pub(super) fn with_known_unit(self) -> Self {
-        let unit = [0.5, 2.0].into_iter().find(|unit| libm::log(self.range / unit).abs() < UNIT_TOLERANCE);
-        Self { range: unit.unwrap_or(self.range), ..self }
+    /// True if its ranges are those of `other`, or half or twice as long: one way is counted for two, or two for one. Sound has one
+    /// speed, so no other unit is believed.
+    pub(super) fn has_known_unit(&self, other: &Self) -> bool {
+        [0.5, 1.0, 2.0].contains(&(self.range / other.range))
     }
 
     /// The robot of a saved session, if it was found with the same configuration; impossible numbers are refused.
@@ -141,8 +141,6 @@ impl RobotModel {
     }
 }
 
-/// A factor this near to a unit is that unit: a definition, twice the resolution of the search.
-const UNIT_TOLERANCE: f64 = 0.06;
 /// No robot differs from its configuration by such a factor: a definition, not tuned.
 const MIN_FACTOR: f64 = 0.01;
 
