@@ -45,6 +45,9 @@ pub(crate) struct Options {
     /// Print each drive, not only those that failed
     #[arg(long)]
     verbose: bool,
+    /// Print what was said in each drive, with the error at that time
+    #[arg(long)]
+    events: bool,
 }
 
 pub(crate) fn run(options: &Options) {
@@ -61,7 +64,7 @@ pub(crate) fn run(options: &Options) {
             cases.extend(options.seeds.0.clone().map(of_seed));
         }
     }
-    let verdicts = drive_all(&cases, options.jobs);
+    let verdicts = drive_all(&cases, options);
     let judged: Vec<(Case, Verdict)> = cases.into_iter().zip(verdicts).collect();
     let mut page = table::tables(&judged);
     page += &table::drives(&judged, options.verbose);
@@ -72,19 +75,23 @@ pub(crate) fn run(options: &Options) {
 }
 
 /// Drives and judges every case, in their order.
-fn drive_all(cases: &[Case], jobs: Option<usize>) -> Vec<Verdict> {
+fn drive_all(cases: &[Case], options: &Options) -> Vec<Verdict> {
     let style =
         ProgressStyle::with_template("{bar:40} {pos} of {len} drives, {eta} left {msg}").expect("a valid template");
     let (next, bar) = (AtomicUsize::new(0), ProgressBar::new(cases.len() as u64).with_style(style));
     let verdicts = Mutex::new(BTreeMap::new());
-    let jobs = jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+    let jobs = options.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
     std::thread::scope(|scope| {
         for _ in 0..jobs.max(1) {
             scope.spawn(|| {
                 loop {
                     let index = next.fetch_add(1, Ordering::Relaxed);
                     let Some(case) = cases.get(index) else { break };
-                    let verdict = judge::judge(case, &drive::drive(case));
+                    let trace = drive::drive(case);
+                    if options.events {
+                        bar.suspend(|| print!("{}\n{}", case.command(), judge::events(&trace)));
+                    }
+                    let verdict = judge::judge(case, &trace);
                     if verdict.silent_s.is_some() {
                         bar.println(format!("silent: {}", case.command()));
                     }

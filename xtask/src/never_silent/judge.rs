@@ -8,6 +8,7 @@ use super::moved::{Moved, moved};
 use nalgebra::Vector3;
 use slamd_core::{Estimate, LocalizationEvent, ModelState, Pose2, Timestamp, wrap_angle};
 use slamd_metrics::{Pair, building_frame, quantile};
+use std::fmt::Write as _;
 
 /// Errors below this are not wrong, metres.
 const MIN_ERROR_M: f64 = 0.3;
@@ -20,6 +21,10 @@ const WELL_M: f64 = 0.15;
 /// Part of the drive whose scale is measured: metres of true way.
 const SCALE_FROM_M: f64 = 5.0;
 const SCALE_UNTIL_M: f64 = 15.0;
+/// The scale is measured in each part of this length, metres.
+const SCALE_PART_M: f64 = 2.5;
+/// How often the timeline of a drive says how it fares, seconds.
+const EVERY_S: f64 = 10.0;
 /// Two poses farther apart than this are not driven, metres: the robot was carried.
 const CARRIED_M: f64 = 0.3;
 
@@ -31,6 +36,8 @@ pub(super) struct Sweep {
     pub(super) driven_m: f64,
     /// Error of the position in the map frame, metres.
     pub(super) error_m: f64,
+    /// Error of the heading, radians.
+    pub(super) turned_rad: f64,
     /// Greatest stated standard deviation of the position, metres.
     pub(super) sigma_m: f64,
     /// Normalized estimation error squared per degree of freedom.
@@ -97,6 +104,36 @@ pub(super) fn judge(case: &Case, trace: &Trace) -> Verdict {
     }
 }
 
+/// What was said in a drive, with the error at that time; and how it fares every ten seconds.
+pub(crate) fn events(trace: &Trace) -> String {
+    let model = trace.model.iter().map(|event| (event.at.seconds(), event.sentence()));
+    let said = trace.localization.iter().map(|event| {
+        let since_s = event.since.seconds();
+        (event.at.seconds(), format!("{:?} since {since_s:.1} s", event.change))
+    });
+    let mut said: Vec<(f64, String)> = model.chain(said).collect();
+    said.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (mut lines, mut said, mut next_s) = (String::new(), said.into_iter().peekable(), 0.0);
+    for sweep in sweeps(trace) {
+        let Sweep { at_s, driven_m, error_m, turned_rad, sigma_m, nees, .. } = sweep;
+        let turned_deg = turned_rad.to_degrees();
+        let mut line = |text: &str| {
+            let _ = writeln!(
+                lines,
+                "{at_s:7.1} s {driven_m:5.1} m: {error_m:.2} m and {turned_deg:.1} degrees off, sigma {sigma_m:.2} m, NEES {nees:.1} {text}"
+            );
+        };
+        while let Some((_, text)) = said.next_if(|(said_s, _)| *said_s <= at_s) {
+            line(&text);
+        }
+        if at_s >= next_s {
+            next_s = at_s + EVERY_S;
+            line(if sweep.is_uncertain { "(uncertain)" } else { "" });
+        }
+    }
+    lines
+}
+
 /// The sweeps of a drive in the map frame. A corrected robot begins its map anew from the same start, along another wall perhaps: then
 /// the first pose after it selects one of the four rotations again.
 fn sweeps(trace: &Trace) -> Vec<Sweep> {
@@ -122,6 +159,7 @@ fn sweeps(trace: &Trace) -> Vec<Sweep> {
             at_s: pair.at.seconds(),
             driven_m,
             error_m: error.xy().norm(),
+            turned_rad: error.z,
             sigma_m: (mean + libm::hypot(half, cov[(0, 1)])).sqrt(),
             nees,
             is_uncertain: is_uncertain(localization, pair.at),
@@ -168,20 +206,27 @@ pub(super) fn driven_m(sweeps: &[Sweep], at_s: f64) -> f64 {
     sweeps.iter().take_while(|sweep| sweep.at_s <= at_s).last().map_or(0.0, |sweep| sweep.driven_m)
 }
 
-/// Size of the estimated path over that of the true one, from 5 to 15 m of way: the spread of their points.
+/// Size of the estimated path over that of the true one, from 5 to 15 m of way: the spread of the points of each part of the way. The
+/// median of the parts, for a jump of the pose in one of them is no scale.
 fn scale(pairs: &[Pair<Estimate>], sweeps: &[Sweep]) -> f64 {
-    let part: Vec<&Pair<Estimate>> = pairs
+    let way: Vec<_> = pairs
         .iter()
         .zip(sweeps)
-        .filter(|(_, sweep)| (SCALE_FROM_M..=SCALE_UNTIL_M).contains(&sweep.driven_m))
-        .map(|(pair, _)| pair)
+        .filter(|(_, sweep)| (SCALE_FROM_M..SCALE_UNTIL_M).contains(&sweep.driven_m))
+        .map(|(pair, sweep)| (pair, (sweep.driven_m / SCALE_PART_M) as usize))
         .collect();
-    let spread = |pose: fn(&Pair<Estimate>) -> Pose2| {
-        let points = part.iter().map(|pair| pose(pair).position().coords);
-        let middle = points.clone().sum::<nalgebra::Vector2<f64>>() / part.len() as f64;
-        points.map(|point| (point - middle).norm_squared()).sum::<f64>().sqrt()
-    };
-    spread(|pair| pair.estimate.pose) / spread(|pair| pair.truth)
+    let ratios: Vec<f64> = way
+        .chunk_by(|a, b| a.1 == b.1)
+        .map(|part| spread(part, |pair| pair.estimate.pose) / spread(part, |pair| pair.truth))
+        .filter(|ratio| ratio.is_finite())
+        .collect();
+    if ratios.is_empty() { f64::NAN } else { quantile(&ratios, 0.5) }
+}
+
+fn spread(part: &[(&Pair<Estimate>, usize)], pose: impl Fn(&Pair<Estimate>) -> Pose2) -> f64 {
+    let points = part.iter().map(|(pair, _)| pose(pair).position().coords);
+    let middle = points.clone().sum::<nalgebra::Vector2<f64>>() / part.len() as f64;
+    points.map(|point| (point - middle).norm_squared()).sum::<f64>().sqrt()
 }
 
 #[cfg(test)]
@@ -197,7 +242,7 @@ mod tests {
             let mut left_s = seconds;
             while left_s > 1e-9 {
                 let at_s = 0.1 * sweeps.len() as f64;
-                sweeps.push(Sweep { at_s, driven_m: 0.3 * at_s, error_m, sigma_m, nees: 1.0, is_uncertain });
+                sweeps.push(Sweep { at_s, driven_m: 0.3 * at_s, error_m, turned_rad: 0.0, sigma_m, nees: 1.0, is_uncertain });
                 left_s -= 0.1;
             }
         }

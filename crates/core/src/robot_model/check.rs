@@ -195,15 +195,21 @@ impl ModelCheck {
         Verdict::Fits
     }
 
-    /// The robot with a single cause that explains the walls as well as `found`, or else `found`. None while the returns do not tell
-    /// two causes apart, unless they `must_decide`: then the wheels' scale is wrong, as by a wrong radius or tick count.
+    /// The robot with a single cause that explains the walls as well as `found`, or else the one with other wheels alone, or else
+    /// `found`. None while the returns do not tell two causes apart, unless they `must_decide`: then the wheels' scale is wrong, as by a
+    /// wrong radius or tick count.
     fn simplest(&mut self, found: RobotModel, believed: &RobotModel, must_decide: bool) -> Option<RobotModel> {
         let causes = Cause::ALL.map(|cause| self.best_of(cause, believed));
         let single = causes.iter().map(|(score, _)| *score).fold(f64::NEG_INFINITY, f64::max);
-        if single < self.log_score(&found, believed) - self.params.occam {
+        let enough = self.log_score(&found, believed) - self.params.occam;
+        if single < enough {
             // The wheels and the ranges have one scale in common.
-            let RobotModel { travel, range, .. } = found;
-            return Some(RobotModel { travel: travel / range, range: 1.0, ..found });
+            let travel = found.travel * believed.range / found.range;
+            let wheels = RobotModel { travel, turn: found.turn, ..*believed };
+            let start = (self.log_score(&wheels, believed), wheels);
+            let (score, wheels) = self.climb(start, believed, 0..WHEEL_MOVES);
+            let found = RobotModel { travel, range: believed.range, ..found };
+            return Some(if score >= enough { wheels } else { found });
         }
         let least = single - libm::log(self.params.same_cause_ratio);
         let mut rivals = causes.into_iter().filter(|(score, _)| *score >= least).map(|(_, robot)| robot);
@@ -355,8 +361,9 @@ fn alternative(believed: &RobotModel, index: usize) -> Option<RobotModel> {
     })
 }
 
-/// Kinds of steps to a neighbour.
+/// Kinds of steps to a neighbour; the first ones change the wheels.
 const NEIGHBOURS: usize = 8;
+const WHEEL_MOVES: usize = 4;
 
 /// Robots a little beside another one.
 fn neighbours(model: &RobotModel, step: f64) -> [RobotModel; NEIGHBOURS] {

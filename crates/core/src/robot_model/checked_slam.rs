@@ -32,6 +32,8 @@ pub(crate) struct CheckedSlam {
     is_untold: bool,
     /// The model was found in this run, and the filter learns its values better than the search.
     is_rough: bool,
+    /// Sweeps of the drive when the map was begun anew.
+    restart_sweeps: usize,
     /// The pose by the wheels of the robot found.
     odometry: Pose2,
     /// The sweep as that robot made it.
@@ -84,6 +86,7 @@ impl CheckedSlam {
             model: RobotModel::AS_CONFIGURED,
             is_untold: false,
             is_rough: false,
+            restart_sweeps: 0,
             odometry: Pose2::default(),
             corrected: Sweep::default(),
             check: ModelCheck::new(ring, config.robot.wheel_base_m, &params.robot_model),
@@ -105,6 +108,14 @@ impl CheckedSlam {
             turn: self.model.turn * self.config.robot.wheel_base_m / learnt_base_m,
             ..self.model
         }
+    }
+
+    /// How far the filter may learn away from the robot of this map before the map is begun anew. What the search found is rough: so
+    /// is the map, until it was drawn anew with twice the sweeps.
+    fn max_learnt_distance(&self) -> f64 {
+        let params = &self.params.robot_model;
+        let is_old = self.history.whole().is_some_and(|sweeps| sweeps.len() >= 2 * self.restart_sweeps);
+        if self.is_rough && is_old { params.restart_distance } else { params.learnt_distance }
     }
 
     /// Hands a sweep to the method, as the believed robot made it.
@@ -167,6 +178,7 @@ impl CheckedSlam {
         let before: Vec<SensorState> = self.slam.states().to_vec();
         self.first_revision += self.slam.map_since(u64::MAX).map_or(0, |(_, newest)| newest) + 2;
         self.is_rough = !found.is_mirrored();
+        self.restart_sweeps = self.history.whole().map_or(0, <[Sweep]>::len);
         let mut again = self.follow_again(found, &found);
         for _ in 1..self.params.robot_model.restart_passes {
             let learnt = self.believed();
@@ -280,7 +292,7 @@ impl Estimator for CheckedSlam {
         match self.check.update(sweep, &believed, is_trusted) {
             Verdict::Open => {}
             // The filter has learnt what the check need not find.
-            Verdict::Fits if believed.distance(&self.model) > self.params.robot_model.learnt_distance => {
+            Verdict::Fits if believed.distance(&self.model) > self.max_learnt_distance() => {
                 self.adopt(believed, sweep.at, earlier, events);
             }
             Verdict::Fits => {
