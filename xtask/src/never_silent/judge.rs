@@ -242,7 +242,15 @@ mod tests {
             let mut left_s = seconds;
             while left_s > 1e-9 {
                 let at_s = 0.1 * sweeps.len() as f64;
-                sweeps.push(Sweep { at_s, driven_m: 0.3 * at_s, error_m, turned_rad: 0.0, sigma_m, nees: 1.0, is_uncertain });
+                sweeps.push(Sweep {
+                    at_s,
+                    driven_m: 0.3 * at_s,
+                    error_m,
+                    turned_rad: 0.0,
+                    sigma_m,
+                    nees: 1.0,
+                    is_uncertain,
+                });
                 left_s -= 0.1;
             }
         }

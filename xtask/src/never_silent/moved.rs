@@ -84,7 +84,15 @@ mod tests {
         for &(until_s, error_m, is_uncertain) in parts {
             while 0.1 * (sweeps.len() as f64) < until_s {
                 let at_s = 0.1 * sweeps.len() as f64;
-                sweeps.push(Sweep { at_s, driven_m: 0.3 * at_s, error_m, turned_rad: 0.0, sigma_m: 0.02, nees: 1.0, is_uncertain });
+                sweeps.push(Sweep {
+                    at_s,
+                    driven_m: 0.3 * at_s,
+                    error_m,
+                    turned_rad: 0.0,
+                    sigma_m: 0.02,
+                    nees: 1.0,
+                    is_uncertain,
+                });
             }
         }
         sweeps

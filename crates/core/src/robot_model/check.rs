@@ -5,7 +5,7 @@
 //! evidence. Enough evidence makes it a suspect; the window is emptied, and returns that the first finding has not seen must confirm it.
 
 use super::concentration::{self, Concentration};
-use super::hypothesis::{RobotModel, motion};
+use super::hypothesis::{RobotModel, Sensor, motion};
 use super::params::Params;
 use super::window::Window;
 use crate::geometry::{Ring, wrap_angle};
@@ -34,8 +34,8 @@ pub(super) struct ModelCheck {
     base_m: f64,
     window: Window,
     concentration: Concentration,
-    /// The ring of the hypothesis at hand.
-    ring: Ring,
+    /// The sensors of the hypothesis at hand.
+    sensors: Vec<Sensor>,
     /// The next alternative, and the best of this round with the log of its ratio to the believed one.
     next: usize,
     best: Option<(f64, RobotModel)>,
@@ -58,7 +58,7 @@ impl ModelCheck {
             base_m,
             window: Window::new(params),
             concentration: Concentration::new(params),
-            ring: configured.clone(),
+            sensors: Sensor::of(configured),
             next: 0,
             best: None,
             evidence: 0.0,
@@ -150,7 +150,7 @@ impl ModelCheck {
         self.next = 0;
         let Some((coarse, best)) = self.best.take() else { return Verdict::Open };
         // Refining takes as long as the round; it makes nothing of an alternative that is worse than the believed robot.
-        let (log_ratio, refined) = if coarse > 0.0 { self.refine(best, believed) } else { (coarse, best) };
+        let (log_ratio, refined) = if coarse > 0.0 { self.refine(best, believed, ROUGH_STEPS) } else { (coarse, best) };
         let excess = log_ratio - libm::log(self.params.fits_ratio);
         let part = (self.round_keys as f64 / self.params.evidence_keys).min(1.0);
         self.round_keys = 0;
@@ -170,7 +170,7 @@ impl ModelCheck {
 
     /// Lays out returns that the suspect was not found with.
     fn confirm(&mut self, believed: &RobotModel, suspect: RobotModel, found_log_ratio: f64) -> Verdict {
-        let (log_ratio, refined) = self.refine(suspect, believed);
+        let (log_ratio, refined) = self.refine(suspect, believed, FINE_STEPS);
         let min_log_ratio = (self.params.confirm_share * found_log_ratio).max(libm::log(self.params.fits_ratio));
         let is_same = refined.distance(&suspect) < self.params.same_model;
         let is_full = self.window.is_full();
@@ -207,7 +207,7 @@ impl ModelCheck {
             let travel = found.travel * believed.range / found.range;
             let wheels = RobotModel { travel, turn: found.turn, ..*believed };
             let start = (self.log_score(&wheels, believed), wheels);
-            let (score, wheels) = self.climb(start, believed, 0..WHEEL_MOVES);
+            let (score, wheels) = self.climb(start, believed, 0..WHEEL_MOVES, FINE_STEPS);
             let found = RobotModel { travel, range: believed.range, ..found };
             return Some(if score >= enough { wheels } else { found });
         }
@@ -233,20 +233,26 @@ impl ModelCheck {
                 best = (score, robot);
             }
         }
-        self.climb(best, believed, cause.moves())
+        self.climb(best, believed, cause.moves(), FINE_STEPS)
     }
 
     /// Climbs from a robot to the nearest one that makes the walls sharpest; the log of its ratio to the believed one.
-    fn refine(&mut self, from: RobotModel, believed: &RobotModel) -> (f64, RobotModel) {
+    fn refine(&mut self, from: RobotModel, believed: &RobotModel, steps: &[f64]) -> (f64, RobotModel) {
         let start = (self.log_score(&from, believed), from);
-        let (_, best) = self.climb(start, believed, 0..NEIGHBOURS);
+        let (_, best) = self.climb(start, believed, 0..NEIGHBOURS, steps);
         (self.best_heading(&best, believed) - self.best_heading(believed, believed), best)
     }
 
-    /// Climbs by the given kinds of steps, which become smaller.
-    fn climb(&mut self, from: (f64, RobotModel), believed: &RobotModel, moves: Range<usize>) -> (f64, RobotModel) {
+    /// Climbs by the given kinds of moves; their steps become smaller.
+    fn climb(
+        &mut self,
+        from: (f64, RobotModel),
+        believed: &RobotModel,
+        moves: Range<usize>,
+        steps: &[f64],
+    ) -> (f64, RobotModel) {
         let mut best = from;
-        for step in [0.1, 0.05, 0.02] {
+        for &step in steps {
             for _ in 0..3 {
                 let before = best.0;
                 for neighbour in neighbours(&best.1, step).into_iter().take(moves.end).skip(moves.start) {
@@ -287,10 +293,10 @@ impl ModelCheck {
 
     /// How sharp the walls of the window are for a robot, nats.
     fn sharpness(&mut self, model: &RobotModel, heading_rad: f64) -> f64 {
-        let Self { window, concentration, ring, configured, params, .. } = self;
-        model.turn_ring(configured, ring);
+        let Self { window, concentration, sensors, configured, params, .. } = self;
+        model.turn_ring(configured, sensors);
         concentration.clear();
-        window.for_each_arc(model, ring, heading_rad, |arc| concentration.add(arc, params));
+        window.for_each_arc(model, sensors, heading_rad, |arc| concentration.add(arc, params));
         concentration.log_sharpness()
     }
 }
@@ -361,7 +367,10 @@ fn alternative(believed: &RobotModel, index: usize) -> Option<RobotModel> {
     })
 }
 
-/// Kinds of steps to a neighbour; the first ones change the wheels.
+/// Steps of a climb: to raise a suspicion, and to confirm it.
+const FINE_STEPS: &[f64] = &[0.1, 0.05, 0.02];
+const ROUGH_STEPS: &[f64] = &[0.1, 0.05];
+/// Kinds of moves to a neighbour; the first ones change the wheels.
 const NEIGHBOURS: usize = 8;
 const WHEEL_MOVES: usize = 4;
 

@@ -20,10 +20,26 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 pub(super) struct Arc {
     /// The sensor at its ping.
     pub(super) sensor: Pose2,
-    /// Half the beam's opening angle, radians.
-    pub(super) half_angle_rad: f64,
+    /// Cosine and sine of its heading.
+    pub(super) axis: (f64, f64),
+    pub(super) opening: Opening,
     /// The measured range, metres.
     pub(super) range_m: f64,
+}
+
+/// Half the opening angle of a beam, radians, with its cosine and sine.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Opening {
+    half_angle_rad: f64,
+    cos: f64,
+    sin: f64,
+}
+
+impl Opening {
+    pub(super) fn new(half_angle_rad: f64) -> Self {
+        let (sin, cos) = libm::sincos(half_angle_rad);
+        Self { half_angle_rad, cos, sin }
+    }
 }
 
 /// Directions in a full turn: one per 2.5 degrees, by which the line of a wall of 3 m bends by less than a bin. It sizes an array.
@@ -84,41 +100,45 @@ impl Concentration {
 
     /// Lets an arc vote for the lines that may have returned it.
     pub(super) fn add(&mut self, arc: Arc, params: &Params) {
-        let is_point = arc.half_angle_rad < POINT_RAD;
-        let edge = if is_point { 1.0 } else { params.edge_vote };
-        let reach_rad = (arc.half_angle_rad + params.max_incidence_rad).min(FRAC_PI_2);
+        let Arc { sensor, axis, opening, range_m } = arc;
+        let half_rad = opening.half_angle_rad;
+        let edge = if half_rad < POINT_RAD { 1.0 } else { params.edge_vote };
+        let reach_rad = (half_rad + params.max_incidence_rad).min(FRAC_PI_2);
         #[expect(clippy::cast_possible_truncation, reason = "an angle of a few turns")]
         let index = |angle_rad: f64| libm::round(angle_rad / STEP_RAD) as i64;
-        let (theta_rad, half_rad) = (arc.sensor.theta_rad, arc.half_angle_rad);
-        let (first, last) = (index(theta_rad - reach_rad), index(theta_rad + reach_rad));
+        let (first, last) = (index(sensor.theta_rad - reach_rad), index(sensor.theta_rad + reach_rad));
         // Where the echo came from if the normal lies outside the cone: the end of the cone's nearer edge.
-        let end = |edge_rad: f64| {
-            let (sin, cos) = libm::sincos(edge_rad);
-            (arc.sensor.x_m + arc.range_m * cos, arc.sensor.y_m + arc.range_m * sin)
+        let end = |sin: f64| {
+            let (cos, sin) = (axis.0 * opening.cos - axis.1 * sin, axis.1 * opening.cos + axis.0 * sin);
+            (sensor.x_m + range_m * cos, sensor.y_m + range_m * sin)
         };
-        let (right, left) = (end(theta_rad - half_rad), end(theta_rad + half_rad));
+        let (right, left) = (end(-opening.sin), end(opening.sin));
+        // Walls lie ahead of the sensors more often than behind the origin.
+        let (per_m, origin) = (1.0 / params.rho_step_m, 0.25 * RHO_BINS as f64);
+        let mut direction = usize::try_from(first.rem_euclid(DIRECTIONS as i64)).unwrap_or(0);
         for step in first..=last {
-            let direction = usize::try_from(step.rem_euclid(DIRECTIONS as i64)).unwrap_or(0);
             let (cos, sin) = self.normals[direction];
-            let off_rad = step as f64 * STEP_RAD - theta_rad;
+            let off_rad = step as f64 * STEP_RAD - sensor.theta_rad;
             let (rho_m, weight) = if off_rad > half_rad {
                 (left.0 * cos + left.1 * sin, edge)
             } else if off_rad < -half_rad {
                 (right.0 * cos + right.1 * sin, edge)
             } else {
-                (arc.sensor.x_m * cos + arc.sensor.y_m * sin + arc.range_m, 1.0)
+                (sensor.x_m * cos + sensor.y_m * sin + range_m, 1.0)
             };
-            // Walls lie ahead of the sensors more often than behind the origin.
-            let bin = rho_m / params.rho_step_m + 0.25 * RHO_BINS as f64;
+            let bin = rho_m * per_m + origin;
             if bin >= 0.0 && bin < (RHO_BINS - 1) as f64 {
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the accumulator")]
-                let (lower, part) = (bin as usize, bin.fract() as f32);
-                let cell = direction * RHO_BINS + lower;
-                self.votes[cell] += weight * (1.0 - part);
-                self.votes[cell + 1] += weight * part;
+                let lower = bin as u32;
+                #[expect(clippy::cast_possible_truncation, reason = "a part of one")]
+                let part = (bin - f64::from(lower)) as f32;
                 #[expect(clippy::cast_possible_truncation, reason = "below DIRECTIONS * RHO_BINS")]
-                self.ballots.push((cell as u32, part));
+                let cell = (direction * RHO_BINS) as u32 + lower;
+                self.votes[cell as usize] += weight * (1.0 - part);
+                self.votes[cell as usize + 1] += weight * part;
+                self.ballots.push((cell, part));
             }
+            direction = if direction + 1 == DIRECTIONS { 0 } else { direction + 1 };
         }
         self.ends.push(self.ballots.len());
     }
@@ -135,10 +155,15 @@ mod tests {
         concentration.log_sharpness()
     }
 
+    fn arc(sensor: Pose2, range_m: f64) -> Arc {
+        let (sin, cos) = libm::sincos(sensor.theta_rad);
+        Arc { sensor, axis: (cos, sin), opening: Opening::new(0.2), range_m }
+    }
+
     fn towards_a_wall(scale: f64) -> impl Iterator<Item = Arc> {
         (0..40).map(move |step| {
             let x_m = 0.03 * f64::from(step);
-            Arc { sensor: Pose2::new(scale * x_m, 0.0, 0.0), half_angle_rad: 0.2, range_m: 2.5 - x_m }
+            arc(Pose2::new(scale * x_m, 0.0, 0.0), 2.5 - x_m)
         })
     }
 
@@ -155,10 +180,7 @@ mod tests {
             (0..40).flat_map(move |step| {
                 let sensor = |bearing_rad: f64| Pose2::new(0.03 * scale * f64::from(step), 0.0, bearing_rad);
                 let edge_rad = 0.524 - 0.2;
-                [
-                    Arc { sensor: sensor(FRAC_PI_2), half_angle_rad: 0.2, range_m: 1.0 },
-                    Arc { sensor: sensor(FRAC_PI_2 - 0.524), half_angle_rad: 0.2, range_m: 1.0 / libm::cos(edge_rad) },
-                ]
+                [arc(sensor(FRAC_PI_2), 1.0), arc(sensor(FRAC_PI_2 - 0.524), 1.0 / libm::cos(edge_rad))]
             })
         };
         assert!((of(along(1.0)) - of(along(0.25))).abs() < 0.02, "{} {}", of(along(1.0)), of(along(0.25)));

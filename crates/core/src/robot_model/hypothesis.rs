@@ -1,7 +1,8 @@
 //! A robot as it may really be: how it moves when its wheels report a motion, and where its sensors point.
 
+use super::concentration::Opening;
 use crate::config::{Config, SettingValue};
-use crate::geometry::{Placement, Pose2, Ring, sinc};
+use crate::geometry::{Mounting, Placement, Pose2, Ring, sinc};
 use crate::saved_state::{FoundRobot, InvalidState};
 use crate::sweep::Sweep;
 use std::f64::consts::PI;
@@ -107,12 +108,14 @@ impl RobotModel {
         Self { travel: self.travel / self.range, range: 1.0, ..*self }
     }
 
-    /// The turned ring, not mirrored and measured by the reported ranges, into an existing one of as many sensors.
-    pub(super) fn turn_ring(&self, configured: &Ring, into: &mut Ring) {
+    /// The sensors of the turned ring, not mirrored and measured by the reported ranges, into as many existing ones.
+    pub(super) fn turn_ring(&self, configured: &Ring, into: &mut [Sensor]) {
         let turned = Placement::from(Pose2::new(0.0, 0.0, self.ring_rad));
-        for (mounting, own) in configured.mountings.iter().zip(&mut into.mountings) {
+        for (mounting, own) in configured.mountings.iter().zip(into) {
             let on_ring: Pose2 = turned * mounting.robot_from_sensor;
+            let (sin, cos) = libm::sincos(on_ring.theta_rad);
             own.robot_from_sensor = Pose2::new(on_ring.x_m / self.range, on_ring.y_m / self.range, on_ring.theta_rad);
+            own.axis = (cos, sin);
         }
     }
 
@@ -138,6 +141,27 @@ impl RobotModel {
         let turned_rad = crate::geometry::wrap_angle(self.ring_rad - other.ring_rad).abs();
         let scales = ratio(self.travel, other.travel).max(ratio(self.turn, other.turn));
         scales.max(ratio(self.range, other.range)).max(turned_rad / 0.25)
+    }
+}
+
+/// A sensor of a hypothesis.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sensor {
+    pub(super) robot_from_sensor: Pose2,
+    /// Cosine and sine of its heading on the robot.
+    pub(super) axis: (f64, f64),
+    pub(super) opening: Opening,
+}
+
+impl Sensor {
+    /// The sensors of a ring.
+    pub(super) fn of(ring: &Ring) -> Vec<Self> {
+        let sensor = |mounting: &Mounting| {
+            let (sin, cos) = libm::sincos(mounting.robot_from_sensor.theta_rad);
+            let opening = Opening::new(mounting.half_angle_rad);
+            Self { robot_from_sensor: mounting.robot_from_sensor, axis: (cos, sin), opening }
+        };
+        ring.mountings.iter().map(sensor).collect()
     }
 }
 
@@ -167,7 +191,7 @@ mod tests {
     #[test]
     fn the_configured_robot_leaves_a_sweep_as_it_is() {
         let ring = Ring::circle(8, 0.1, 0.2, 2);
-        let beam = |mounting: &crate::geometry::Mounting| crate::sweep::Beam {
+        let beam = |mounting: &Mounting| crate::sweep::Beam {
             range_m: 1.0,
             no_measurement: None,
             age_s: 0.01,

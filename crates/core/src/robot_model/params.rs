@@ -21,8 +21,8 @@ use crate::geometry::degrees;
 /// | `rho_step_m` | 0.05 | m | by design: twice the noise of a reading | Too small: noise spreads votes. Too large: scales look alike |
 /// | `strong_log_ratio` | 0.9 | nat | by design: walls nearly twice as sharp need half the returns | As `first_keys` |
 /// | `steps_new` | 15 | hypotheses per sweep | by design: a round takes five sweeps until the robot is known | Too small: a wrong robot is named late. Too large: time is wasted |
-/// | `new_keys` | 60 | sweeps | by design: the first 1.5 m | Too small: a wrong robot is named late. Too large: time is wasted |
-/// | `steps_fitting` | 4 | hypotheses per sweep | by design: a round takes two seconds while nothing speaks against the robot | As `steps_new` |
+/// | `new_keys` | 200 | sweeps | by design: the first 5 m | Too small: a wrong robot is named late. Too large: time is wasted |
+/// | `steps_fitting` | 8 | hypotheses per sweep | by design: a round takes a second while nothing speaks against the robot | As `steps_new` |
 /// | `steps_known` | 1 | hypotheses | by design | As `steps_new` |
 /// | `known_every_sweeps` | 16 | sweeps | by design: a few per cent of a sweep's time | As `steps_new` |
 /// | `known_keys` | 200 | sweeps | by design: some 5 m | Too small: the search becomes slow before a wrong robot shows. Too large: time is wasted |
@@ -107,8 +107,8 @@ impl Default for Params {
             rho_step_m: 0.05,
             strong_log_ratio: 0.9,
             steps_new: 15,
-            new_keys: 60,
-            steps_fitting: 4,
+            new_keys: 200,
+            steps_fitting: 8,
             steps_known: 1,
             known_every_sweeps: 16,
             known_keys: 200,

@@ -1,9 +1,9 @@
 //! The returns of the robot's latest metres, as the configured robot reports them.
 
 use super::concentration::Arc;
-use super::hypothesis::{RobotModel, motion};
+use super::hypothesis::{RobotModel, Sensor, motion};
 use super::params::Params;
-use crate::geometry::{Placement, Pose2, Ring};
+use crate::geometry::{Pose2, Ring};
 use crate::sweep::Sweep;
 use std::collections::VecDeque;
 
@@ -130,26 +130,55 @@ impl Window {
     }
 
     /// All returns as a robot lays them out, in the frame of its oldest pose and measured by the reported ranges: a smaller unit would
-    /// make walls look sharper. `ring` is that robot's, `heading_rad` its first heading.
-    pub(super) fn for_each_arc(&self, model: &RobotModel, ring: &Ring, heading_rad: f64, mut each: impl FnMut(Arc)) {
+    /// make walls look sharper. `sensors` are that robot's, `heading_rad` is its first heading.
+    pub(super) fn for_each_arc(
+        &self,
+        model: &RobotModel,
+        sensors: &[Sensor],
+        heading_rad: f64,
+        mut each: impl FnMut(Arc),
+    ) {
         let model = model.in_reported_ranges();
-        let mut at = Placement::from(Pose2::new(0.0, 0.0, heading_rad));
+        let mut pose = Pose2::new(0.0, 0.0, heading_rad);
         let mut returns = self.returns.iter();
         for (index, key) in self.keys.iter().enumerate() {
             if index > 0 {
-                at = Placement::from(at * model.moved(key.ds_m, key.dtheta_rad));
+                pose = pose * model.moved(key.ds_m, key.dtheta_rad);
             }
+            let (sin, cos) = libm::sincos(pose.theta_rad);
             for a_return in returns.by_ref().take(key.returns) {
-                let Some(mounting) = ring.mountings.get(a_return.sensor) else { continue };
-                let robot = Placement::from(at * model.scaled(a_return.moved));
+                let Some(sensor) = sensors.get(a_return.sensor) else { continue };
+                let moved = model.scaled(a_return.moved);
+                let robot = compose((pose.x_m, pose.y_m), (cos, sin), (moved.x_m, moved.y_m));
+                let heading = rotate((cos, sin), small_rotation(moved.theta_rad));
+                let mounted = sensor.robot_from_sensor;
+                let (x_m, y_m) = compose(robot, heading, (mounted.x_m, mounted.y_m));
+                let theta_rad = pose.theta_rad + moved.theta_rad + mounted.theta_rad;
                 each(Arc {
-                    sensor: robot * mounting.robot_from_sensor,
-                    half_angle_rad: mounting.half_angle_rad,
+                    sensor: Pose2 { x_m, y_m, theta_rad },
+                    axis: rotate(heading, sensor.axis),
+                    opening: sensor.opening,
                     range_m: a_return.range_m,
                 });
             }
         }
     }
+}
+
+/// A point of a frame with that origin and heading, given as cosine and sine.
+fn compose(origin: (f64, f64), (cos, sin): (f64, f64), point: (f64, f64)) -> (f64, f64) {
+    (origin.0 + cos * point.0 - sin * point.1, origin.1 + sin * point.0 + cos * point.1)
+}
+
+/// Cosine and sine of the sum of two angles.
+fn rotate((cos, sin): (f64, f64), by: (f64, f64)) -> (f64, f64) {
+    (cos * by.0 - sin * by.1, sin * by.0 + cos * by.1)
+}
+
+/// Cosine and sine of the rotation within a sweep by their series: below 0.001 off for a radian, and a search computes very many.
+fn small_rotation(angle_rad: f64) -> (f64, f64) {
+    let square = angle_rad * angle_rad;
+    (1.0 - 0.5 * square * (1.0 - square / 12.0), angle_rad * (1.0 - square / 6.0 * (1.0 - square / 20.0)))
 }
 
 #[cfg(test)]
@@ -179,7 +208,7 @@ mod tests {
         assert!(window.len() <= params.max_keys && window.path_m <= params.max_path_m);
         let model = RobotModel { travel: 0.5, ..RobotModel::AS_CONFIGURED };
         let (mut farthest_m, mut sensors) = (0.0_f64, std::collections::BTreeSet::new());
-        window.for_each_arc(&model, &ring, 0.0, |arc| {
+        window.for_each_arc(&model, &Sensor::of(&ring), 0.0, |arc| {
             farthest_m = farthest_m.max(arc.sensor.x_m);
             sensors.insert(format!("{:.3}", arc.sensor.theta_rad));
         });
