@@ -76,12 +76,6 @@ impl ModelCheck {
         (self.next, self.best, self.evidence, self.suspect) = (0, None, 0.0, None);
     }
 
-    /// The pose was lost: the window may lie before and after a kidnap. What speaks against the robot stays, for a wrong robot gets lost.
-    pub(super) fn lost(&mut self) {
-        self.window.clear();
-        (self.next, self.best) = (0, None);
-    }
-
     /// Takes a sweep of the configured robot, and goes on with the search.
     pub(super) fn update(
         &mut self,

@@ -276,9 +276,6 @@ impl Estimator for CheckedSlam {
             self.noise = Some(events.remove(earlier + noise));
         }
         if let Some(is_lost) = events.iter().skip(earlier).rev().find_map(lost) {
-            if is_lost && !self.is_lost {
-                self.check.lost();
-            }
             self.is_lost = is_lost;
             if !is_lost && self.doubt != Doubt::None {
                 events.push(doubted(sweep.at, sweep.at, SUSPECTED));
