@@ -25,6 +25,7 @@ impl EventLog {
             Event::Model(event) => tracing::warn!("{:.1} s: {}", event.at.seconds(), event.sentence()),
             Event::Fault(fault) => tracing::warn!("{:.1} s: {}", fault.at.seconds(), fault.reason),
             Event::Encoder(encoder) => tracing::warn!("{:.1} s: {}", encoder.at.seconds(), encoder.reason),
+            Event::Revised { .. } => {}
             Event::Estimate(_) => {
                 if !std::mem::replace(&mut self.has_pose, true) {
                     tracing::info!("poses and map begin after {now_s:.0} s");

@@ -69,6 +69,13 @@ pub enum Event {
     },
     /// The robot's new pose, from one sweep.
     Estimate(Estimate),
+    /// The map was begun anew with another robot: these are the poses of the drive so far, and the earlier ones are discarded.
+    Revised {
+        /// The sweep with which it began anew.
+        at: Timestamp,
+        /// Poses in the new map, up to the sweep before; without those of a standing robot.
+        poses: Vec<Estimate>,
+    },
     /// A sensor changed its state.
     Fault(FaultEvent),
     /// A wheel encoder changed its state.

@@ -51,6 +51,7 @@ impl SessionState {
             }
             Event::Board { .. }
             | Event::Ring { .. }
+            | Event::Revised { .. }
             | Event::BoardLog { .. }
             | Event::BoardReset { .. }
             | Event::BoardTrouble { .. } => {}

@@ -30,7 +30,7 @@ use folder::ResultFolder;
 use localization_log::LockLog;
 use map_file::map_files;
 use slamd_core::{
-    Calibration, Config, Counters, EncoderState, Event, LocalizationChange, Pose2, Raster, Ring, SensorState,
+    Calibration, Config, Counters, EncoderState, Estimate, Event, LocalizationChange, Pose2, Raster, Ring, SensorState,
     Timestamp, Waiting, Wheel,
 };
 use slamd_metrics::{AccuracyMeter, FaultMeter, TrueFault};
@@ -140,6 +140,7 @@ impl Outputs {
                     faults.estimate(estimate.at, estimate.at);
                 }
             }
+            Event::Revised { at, poses } => self.revise(*at, poses),
             Event::Localization(event) => {
                 if let LocalizationChange::KnownMap(search) = &event.change {
                     self.position = Some(search.into());
@@ -164,6 +165,23 @@ impl Outputs {
             | Event::BoardLog { .. }
             | Event::BoardReset { .. }
             | Event::BoardTrouble { .. } => {}
+        }
+    }
+
+    /// Begins the path anew. The accuracy counts from here on: the frame of the new map is another one.
+    fn revise(&mut self, at: Timestamp, poses: &[Estimate]) {
+        for (file, name) in [(&mut self.trajectory, "trajectory.tum"), (&mut self.odometry, "odometry.tum")] {
+            match Trajectory::create(&self.folder.path().join(name)) {
+                Ok(anew) => *file = anew,
+                Err(error) => self.doubts.push(format!("{name} keeps the poses in the discarded map: {error}")),
+            }
+        }
+        self.sketch.begin_anew(at);
+        self.accuracy = AccuracyMeter::default();
+        for estimate in poses {
+            self.trajectory.append(estimate.at, estimate.pose);
+            self.odometry.append(estimate.at, estimate.odometry);
+            self.sketch.estimate(estimate);
         }
     }
 

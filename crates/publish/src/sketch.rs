@@ -45,6 +45,12 @@ impl Sketch {
         self.pose = estimate.pose;
     }
 
+    /// Forgets the path in a discarded map; poses that are uncertain now are so from here on.
+    pub(super) fn begin_anew(&mut self, at: Timestamp) {
+        let uncertain_since = self.uncertain_since.map(|_| at);
+        *self = Self { uncertain_since, ..Self::default() };
+    }
+
     /// The pose became uncertain, from an earlier instant on, or known again.
     pub fn localization(&mut self, event: &LocalizationEvent) {
         self.set_uncertain(event.is_lost(), if event.is_lost() { event.since } else { event.at });

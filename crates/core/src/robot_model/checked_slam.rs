@@ -9,7 +9,9 @@ use super::history::History;
 use super::hypothesis::RobotModel;
 use super::naming;
 use crate::config::Config;
-use crate::event::{Calibration, EncoderState, Event, LocalizationChange, LocalizationEvent, SensorState, Wheel};
+use crate::event::{
+    Calibration, EncoderState, Estimate, Event, LocalizationChange, LocalizationEvent, SensorState, Wheel,
+};
 use crate::geometry::{Pose2, Ring, Segment};
 use crate::mapping::grid::MapChange;
 use crate::mapping::raster::Raster;
@@ -152,7 +154,7 @@ impl CheckedSlam {
         if can_restart {
             let own = events.split_off(earlier);
             events.extend(own.into_iter().filter(|event| !matches!(event, Event::Estimate(_))));
-            self.restart(found, &mut again);
+            self.restart(found, at, &mut again);
         }
         let robot = if can_restart { self.model } else { found };
         self.tell(&robot, state, at, events);
@@ -174,28 +176,29 @@ impl CheckedSlam {
     ///
     /// The search ends a few per cent beside the true robot, and the walls that were drawn meanwhile keep that error. So what a pass
     /// learns of the robot is where the next one begins.
-    fn restart(&mut self, found: RobotModel, events: &mut Vec<Event>) {
+    fn restart(&mut self, found: RobotModel, at: Timestamp, events: &mut Vec<Event>) {
         let before: Vec<SensorState> = self.slam.states().to_vec();
         self.first_revision += self.slam.map_since(u64::MAX).map_or(0, |(_, newest)| newest) + 2;
         self.is_rough = !found.is_mirrored();
         self.restart_sweeps = self.history.whole().map_or(0, <[Sweep]>::len);
-        let mut again = self.follow_again(found, &found);
+        let (mut again, mut poses) = self.follow_again(found, &found);
         for _ in 1..self.params.robot_model.restart_passes {
             let learnt = self.believed();
             if learnt.distance(&self.model) < self.params.robot_model.restart_distance {
                 break;
             }
-            again = self.follow_again(learnt, &found);
+            (again, poses) = self.follow_again(learnt, &found);
         }
-        let newest = again.iter().rposition(|event| matches!(event, Event::Estimate(_)));
         self.is_lost = again.iter().rev().find_map(lost).unwrap_or(false);
+        let newest = poses.pop();
+        events.push(Event::Revised { at, poses });
+        events.extend(newest.map(Event::Estimate));
         let states = self.slam.states();
-        for (index, event) in again.into_iter().enumerate() {
+        for event in again {
             let is_news = match &event {
                 Event::Fault(fault) => {
                     states.get(fault.sensor) == Some(&fault.state) && before.get(fault.sensor) != Some(&fault.state)
                 }
-                Event::Estimate(_) => Some(index) == newest,
                 Event::Localization(_) | Event::Model(_) => false,
                 _ => true,
             };
@@ -205,10 +208,10 @@ impl CheckedSlam {
         }
     }
 
-    /// Begins anew with a robot, and processes the drive's sweeps; the faults, the localization and the last sweep's events.
+    /// Begins anew with a robot, and processes the drive's sweeps: the faults, the localization and the last sweep's events; all poses.
     ///
     /// What the search `found` is only as exact as its steps, and the filter learns the rest; what it left alone is as certain as before.
-    fn follow_again(&mut self, robot: RobotModel, found: &RobotModel) -> Vec<Event> {
+    fn follow_again(&mut self, robot: RobotModel, found: &RobotModel) -> (Vec<Event>, Vec<Estimate>) {
         self.model = robot;
         self.odometry = Pose2::default();
         self.noise = None;
@@ -223,13 +226,17 @@ impl CheckedSlam {
         }
         self.slam = WallSlam::with_params(&config, &robot.ring(&self.ring), &params);
         let history = std::mem::replace(&mut self.history, History::new(0));
-        let mut again = Vec::new();
+        let (mut again, mut poses) = (Vec::new(), Vec::new());
         for sweep in history.whole().unwrap_or_default() {
             again.retain(|event| matches!(event, Event::Fault(_) | Event::Localization(_)));
             self.follow(sweep, &mut again);
+            poses.extend(
+                again.iter().filter_map(|event| if let Event::Estimate(pose) = event { Some(*pose) } else { None }),
+            );
+            again.retain(|event| !matches!(event, Event::Estimate(_)));
         }
         self.history = history;
-        again
+        (again, poses)
     }
 
     fn begin_doubt(&mut self, at: Timestamp, reason: &str, events: &mut Vec<Event>) {
