@@ -68,8 +68,7 @@ fn a_run_leaves_whole_files_and_a_summary() {
     let mut names: Vec<_> =
         fs::read_dir(&out).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
-    let expected =
-        "config.toml faults.csv lock.csv map.pgm map.png map.yaml odometry.tum summary.json trajectory.tum truth.tum";
+    let expected = "config.toml faults.csv lock.csv map.pgm map.png map.svg map.yaml odometry.tum summary.json trajectory.tum truth.tum";
     assert_eq!(names.join(" "), expected);
     let trajectory = fs::read_to_string(out.join("trajectory.tum")).unwrap();
     assert_eq!(trajectory.lines().count(), 600);
