@@ -39,14 +39,18 @@ impl Line {
         if self.is_along_x { (along, self.across) } else { (self.across, along) }
     }
 
+    fn length(&self) -> usize {
+        self.to - self.from + 1
+    }
+
     /// Its cells.
     pub(super) fn cells(&self) -> impl Iterator<Item = Cell> + '_ {
         (self.from..=self.to).map(|along| self.cell(along))
     }
 
     /// What one of its ends is to be joined to: the corner with a wall across, and the next wall in the same line. Each with the distance, for a
-    /// corner the longer way of both walls to it, and the cell there. Nothing if the end touches a wall across.
-    fn next(&self, runs: &[Self], is_low: bool, sizes: &Sizes) -> impl Iterator<Item = (usize, Cell)> + use<> {
+    /// corner the longer way of both walls to it, the cell there, and the length of the other wall. Nothing if the end touches a wall across.
+    fn next(&self, runs: &[Self], is_low: bool, sizes: &Sizes) -> impl Iterator<Item = (usize, Cell, usize)> + use<> {
         let beyond = |along: usize| if is_low { self.from.checked_sub(along) } else { along.checked_sub(self.to) };
         let end = if is_low { self.from } else { self.to };
         let across = || runs.iter().filter(|other| other.is_along_x != self.is_along_x);
@@ -59,17 +63,17 @@ impl Line {
         });
         let in_line = in_line.filter_map(|next| {
             let end = if is_low { next.to } else { next.from };
-            Some((beyond(end)?, next.cell(end)))
+            Some((beyond(end)?, next.cell(end), next.length()))
         });
-        let in_line = in_line.min_by_key(|(gap, _)| *gap);
+        let in_line = in_line.min_by_key(|(gap, ..)| *gap);
         let corners = across().filter_map(|other| {
             let near = beyond(other.across)?;
-            Some((near.max(other.beyond(self.across)), near, self.cell(other.across)))
+            Some((near.max(other.beyond(self.across)), near, self.cell(other.across), other.length()))
         });
         let corner = corners.min_by_key(|(distance, ..)| *distance);
         // A corner behind the next wall is that wall's.
-        let corner = corner.filter(|(_, near, _)| in_line.is_none_or(|(gap, _)| *near < gap));
-        let both = [corner.map(|(distance, _, cell)| (distance, cell)), in_line];
+        let corner = corner.filter(|(_, near, ..)| in_line.is_none_or(|(gap, ..)| *near < gap));
+        let both = [corner.map(|(distance, _, cell, length)| (distance, cell, length)), in_line];
         both.into_iter().flatten().filter(move |_| !touches)
     }
 
@@ -137,9 +141,11 @@ impl Lines {
         for (run, line) in runs.iter().zip(&mut extended) {
             for is_low in [true, false] {
                 let start = run.cell(if is_low { run.from } else { run.to });
-                for (distance, end) in run.next(&runs, is_low, &sizes) {
+                for (distance, end, length) in run.next(&runs, is_low, &sizes) {
                     let is_passed = is_passed([start, end]);
-                    if distance > if is_passed { sizes.max_door } else { sizes.max_gap } {
+                    // Furniture is no wall with a gap that is much wider than itself.
+                    let are_walls = 2 * length.min(run.length()) >= distance;
+                    if distance > if is_passed || !are_walls { sizes.max_door } else { sizes.max_gap } {
                         continue;
                     }
                     if start != end {
@@ -161,8 +167,10 @@ impl Lines {
 
     /// The walls whose occupied part is `wanted`, joined where they lie in one line.
     pub(super) fn walls(&self, wanted: impl Fn(&Line) -> bool) -> Vec<Line> {
-        let lines =
-            self.runs.iter().zip(&self.extended).filter(|(run, _)| wanted(run)).map(|(_, line)| *line).collect();
+        let wanted = self.runs.iter().zip(&self.extended).filter(|(run, _)| wanted(run));
+        // Of a wall most was seen.
+        let line = |(run, line): (&Line, &Line)| if line.length() > 2 * run.length() { *run } else { *line };
+        let lines = wanted.map(line).collect();
         join(lines, self.sizes.apart, self.sizes.max_door)
     }
 
