@@ -11,5 +11,6 @@ mod monitor_terminal;
 mod package;
 mod service;
 mod setup;
+mod setup_terminal;
 mod systemd;
 mod udev;

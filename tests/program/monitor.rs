@@ -237,12 +237,12 @@ fn the_map_has_the_path_and_a_scale() {
     }
     let shown = text(&screen(SMALL, &dashboard, View::default(), PLAIN));
     assert!(shown.lines().any(|line| line.matches('+').count() > 8 && line.contains("+++++")), "{shown}");
-    // The room is 6 m wide: a bar of 1 m is a sixth of it.
+    // The room is 6 m wide: a bar of 2 m is a third of it.
     let bar =
-        shown.lines().find_map(|line| line.split_once("| 1 m ")).unwrap_or_else(|| panic!("no bar in\n{shown}")).0;
+        shown.lines().find_map(|line| line.split_once("| 2 m ")).unwrap_or_else(|| panic!("no bar in\n{shown}")).0;
     let bar_columns = bar.len() - bar.rfind('|').unwrap();
     let wall = shown.lines().map(|line| line.matches('#').count()).max().unwrap();
-    assert!(bar_columns * 6 >= wall - 6 && bar_columns * 6 <= wall + 6, "{bar_columns} for {wall}\n{shown}");
+    assert!((bar_columns * 3).abs_diff(wall) <= 4, "{bar_columns} for {wall}\n{shown}");
 }
 
 #[test]

@@ -20,7 +20,7 @@ const HIDE_CURSOR: &str = "\x1b[?25l";
 const PATIENCE: Duration = Duration::from_secs(120);
 
 /// The program in a session of its own on a terminal of its own.
-struct Watched {
+pub(crate) struct Watched {
     child: Child,
     master: File,
     written: Vec<u8>,
@@ -28,6 +28,11 @@ struct Watched {
 
 impl Watched {
     fn start(arguments: &[&str], out: &Path) -> Self {
+        Self::run(&[&["monitor"], arguments, &["--out", out.to_str().unwrap()]].concat())
+    }
+
+    /// Any command.
+    pub(crate) fn run(arguments: &[&str]) -> Self {
         let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
         let master = openpt(flags).unwrap();
         grantpt(&master).unwrap();
@@ -35,10 +40,8 @@ impl Watched {
         tcsetwinsize(&master, Winsize { ws_row: 30, ws_col: 100, ws_xpixel: 0, ws_ypixel: 0 }).unwrap();
         let slave = || Stdio::from(ioctl_tiocgptpeer(&master, flags).unwrap());
         let child = Command::new("setsid")
-            .args(["--ctty", env!("CARGO_BIN_EXE_slamd"), "monitor"])
+            .args(["--ctty", env!("CARGO_BIN_EXE_slamd")])
             .args(arguments)
-            .arg("--out")
-            .arg(out)
             .envs([("LC_ALL", "C.UTF-8"), ("TERM", "xterm-256color")])
             .env_remove("NO_COLOR")
             .stdin(slave())
@@ -48,6 +51,20 @@ impl Watched {
             .unwrap();
         rustix::io::ioctl_fionbio(&master, true).unwrap();
         Self { child, master: master.into(), written: Vec::new() }
+    }
+
+    /// Waits until it has written something.
+    #[expect(clippy::disallowed_methods, reason = "the test waits in real time")]
+    pub(crate) fn expect_text(&mut self, words: &str) {
+        let end = Instant::now() + PATIENCE;
+        while Instant::now() < end {
+            self.read();
+            if self.text().contains(words) {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        panic!("no \"{words}\" in\n{}", self.text());
     }
 
     /// Waits until the screen shows something.
@@ -65,7 +82,7 @@ impl Watched {
     }
 
     #[expect(clippy::disallowed_methods, reason = "the test waits in real time")]
-    fn end(&mut self) -> ExitStatus {
+    pub(crate) fn end(&mut self) -> ExitStatus {
         let end = Instant::now() + PATIENCE;
         while Instant::now() < end {
             self.read();
@@ -85,7 +102,7 @@ impl Watched {
         }
     }
 
-    fn press(&mut self, keys: &str) {
+    pub(crate) fn press(&mut self, keys: &str) {
         self.master.write_all(keys.as_bytes()).unwrap();
     }
 
@@ -94,7 +111,7 @@ impl Watched {
         assert!(status.success());
     }
 
-    fn text(&self) -> String {
+    pub(crate) fn text(&self) -> String {
         String::from_utf8_lossy(&self.written).into_owned()
     }
 
