@@ -2,6 +2,7 @@
 
 mod book;
 mod cli;
+mod closed_pipe;
 mod config_command;
 mod doctor;
 mod doctor_troubles;
