@@ -240,7 +240,7 @@ fn the_map_has_the_path_and_a_scale() {
     // The room is 6 m wide: a bar of 2 m is a third of it.
     let bar =
         shown.lines().find_map(|line| line.split_once("| 2 m ")).unwrap_or_else(|| panic!("no bar in\n{shown}")).0;
-    let bar_columns = bar.len() - bar.rfind('|').unwrap();
+    let bar_columns = 1 + bar.len() - bar.rfind('|').unwrap();
     let wall = shown.lines().map(|line| line.matches('#').count()).max().unwrap();
     assert!((bar_columns * 3).abs_diff(wall) <= 4, "{bar_columns} for {wall}\n{shown}");
 }
