@@ -84,6 +84,8 @@ pub struct Setup {
     ask_at: Timestamp,
     wiring: Option<Wiring>,
     wiring_before: Wiring,
+    /// What the board's settings have been at any time: it keeps them until they are written.
+    wiring_ever: Wiring,
     is_drilled: bool,
     has_person: bool,
     /// The person has been asked to turn a wheel, and has confirmed the wheels by it.
@@ -115,6 +117,7 @@ impl Setup {
             ask_at: Timestamp::default(),
             wiring: None,
             wiring_before: Wiring::default(),
+            wiring_ever: Wiring::default(),
             is_drilled: false,
             has_person: false,
             is_asked: false,
@@ -281,7 +284,9 @@ impl Setup {
     /// Watches with the configuration of now, after the board has it.
     fn begin_watch(&mut self, at: Timestamp) {
         let wiring = self.wiring.unwrap_or_default();
-        self.config.board = robot::settings(wiring, self.wiring_before);
+        self.wiring_ever = self.wiring_ever.or(self.wiring_before);
+        self.config.board = robot::settings(wiring, self.wiring_ever);
+        self.wiring_ever = self.wiring_ever.or(wiring);
         self.examination = Examination::new(&self.config, self.baud, &self.port);
         (self.begin, self.found_at) = (at, None);
         self.phase = if self.config.board.is_empty() { Phase::Watch } else { Phase::Settings(at) };

@@ -5,7 +5,7 @@ import math
 import sys
 
 import numpy as np
-from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 source, folder, storage, wheels = sys.argv[1:5]
@@ -76,7 +76,7 @@ pose, before = (0.0, 0.0, 0.0), None
 plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
 writer = Writer(folder, version=9, storage_plugin=plugin)
 if compression:
-    writer.set_compression(Writer.CompressionMode[compression.upper()], Writer.CompressionFormat.ZSTD)
+    writer.set_compression(CompressionMode[compression.upper()], CompressionFormat.ZSTD)
 with writer as bag:
     add = lambda topic, name: bag.add_connection(topic, name, typestore=store)
     name = "nav_msgs/msg/Odometry" if wheels == "odometry" else "sensor_msgs/msg/JointState"
