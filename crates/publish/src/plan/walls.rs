@@ -141,6 +141,7 @@ impl Lines {
         for (run, line) in runs.iter().zip(&mut extended) {
             for is_low in [true, false] {
                 let start = run.cell(if is_low { run.from } else { run.to });
+                let mut nearest: Option<usize> = None;
                 for (distance, end, length) in run.next(&runs, is_low, &sizes) {
                     let is_passed = is_passed([start, end]);
                     // Furniture is no wall with a gap that is much wider than itself.
@@ -148,6 +149,11 @@ impl Lines {
                     if distance > if is_passed || !are_walls { sizes.max_door } else { sizes.max_gap } {
                         continue;
                     }
+                    // Beyond a nearer corner only a door leads on.
+                    if nearest.is_some_and(|nearest| nearest < distance) && !is_passed {
+                        continue;
+                    }
+                    nearest = Some(distance);
                     if start != end {
                         bridges.push(([start, end], is_passed));
                     }
