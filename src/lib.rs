@@ -6,6 +6,7 @@
 //! session, and at [`source::session`] for how bytes become events. ARCHITECTURE.md describes all crates.
 
 #![forbid(unsafe_code)]
+#![deny(clippy::print_stderr, clippy::print_stdout)]
 
 pub mod calibrate;
 pub mod doctor;

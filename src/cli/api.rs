@@ -3,6 +3,7 @@
 use super::{Failure, Kind};
 use crate::api::{Listener, ListenerError, Server, Token};
 use clap::Args;
+use slamd_files::OutputGuard;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
@@ -29,7 +30,8 @@ pub(super) const NAMES: [&str; 4] = ["listen", "socket", "metrics", "token_file"
 
 impl ApiArgs {
     /// Begins to serve; none if no option asks for it.
-    pub(super) fn begin(&self) -> Result<Option<Server>, Failure> {
+    /// The socket is no input and no other output of the command, which `guard` knows.
+    pub(super) fn begin(&self, guard: &OutputGuard) -> Result<Option<Server>, Failure> {
         let options = [("--listen", self.listen), ("--metrics", self.metrics)];
         let open = options
             .iter()
@@ -46,6 +48,7 @@ impl ApiArgs {
         let token = self.token_file.as_deref().map(Token::read).transpose();
         let token = token.map_err(|error| Failure::new(Kind::Config, error.to_string()))?;
         let socket = self.socket.clone().map(socket_path).transpose()?;
+        socket.as_deref().map(|path| guard.check(path)).transpose()?;
         let listeners =
             [self.listen.map(Listener::tcp), socket.as_deref().map(Listener::unix), self.metrics.map(Listener::http)];
         let listeners: Result<Vec<Listener>, ListenerError> = listeners.into_iter().flatten().collect();

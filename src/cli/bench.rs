@@ -115,7 +115,7 @@ impl AccuracyArgs {
         let runs = drive_all(&cases, &seeds, |case, run| {
             // With -v.
             if tracing::enabled!(tracing::Level::DEBUG) {
-                bar.suspend(|| eprintln!("{}", table::run_line(case, run)));
+                bar.suspend(|| super::terminal::tell(table::run_line(case, run)));
             }
             bar.inc(1);
         });

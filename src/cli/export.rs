@@ -7,10 +7,11 @@ use super::{Failure, HowArgs, Kind, terminal};
 use crate::source::replay::step;
 use crate::source::session::Session;
 use clap::{ArgGroup, Args};
+use slamd_capture::CaptureReader;
 use slamd_core::{Event, Update};
 use slamd_export::{Bag, BagError};
-use slamd_files::Output;
-use slamd_publish::{Outputs, PoseTable, Trajectory};
+use slamd_files::{Output, OutputGuard};
+use slamd_publish::{Outputs, PoseTable, Source, Trajectory};
 use std::cell::RefCell;
 use std::path::PathBuf;
 use std::rc::Rc;
@@ -18,10 +19,11 @@ use std::rc::Rc;
 const EXAMPLES: &str = "Examples:
   slamd export drive.mcap --mcap drive-ros2.mcap    for `ros2 bag play` and Foxglove
   slamd export drive.mcap --csv poses.csv --tum poses.tum
+  slamd export drive.mcap --svg plan.svg            the floor plan, to print it to scale
 
-docs/export.md has topics, frames, rates and units. Maps as pictures and for map_server come from `slamd replay`.";
+docs/export.md has topics, frames, rates and units. Maps for map_server come from `slamd replay`.";
 
-/// Export a capture for other programs: as a ROS 2 bag, which Foxglove opens too, or as a table of poses.
+/// Export a capture for other programs: as a ROS 2 bag, which Foxglove opens too, as a table of poses, or as a floor plan.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES, group(ArgGroup::new("wanted").required(true).multiple(true)))]
 pub(super) struct ExportArgs {
@@ -36,6 +38,9 @@ pub(super) struct ExportArgs {
     /// Write the poses to this file in the TUM benchmark's format.
     #[arg(long, value_name = "FILE", group = "wanted")]
     tum: Option<PathBuf>,
+    /// Draw the floor plan to this SVG file, as the map.svg of `slamd replay`.
+    #[arg(long, value_name = "FILE", group = "wanted")]
+    svg: Option<PathBuf>,
     #[command(flatten)]
     how: HowArgs,
     #[command(flatten)]
@@ -54,16 +59,19 @@ impl ExportArgs {
         let mut guard = self.force.guard().reads(&self.file).reads_all(self.how.named());
         let mut output = |path: &Option<PathBuf>| path.as_deref().map(|path| guard.output(path)).transpose();
         let outputs = [output(&self.mcap)?, output(&self.csv)?, output(&self.tum)?];
-        // The session's own output files are not wanted here.
+        let plan = output(&self.svg)?;
+        // Of the session's own output files only the floor plan is wanted here.
         let folder = tempfile::tempdir().map_err(|error| {
             Failure::new(
                 Kind::CantCreate,
                 format!("a temporary folder: {error}; name one that can be written in TMPDIR"),
             )
         })?;
-        let (mut capture, mut session) =
-            open(&self.file, &StateArgs::default(), &self.how, Outputs::create(folder.path())?)?;
-        let mut exports = begin(outputs, &session, capture.info().unix_zero_us)?;
+        let began_unix_us = CaptureReader::open(&self.file)?.info().unix_zero_us;
+        let source = Source { began_unix_us, ..Source::default() };
+        let own = Outputs::begin(folder.path(), source, &OutputGuard::new(true))?;
+        let (mut capture, mut session) = open(&self.file, &StateArgs::default(), &self.how, own)?;
+        let mut exports = begin(outputs, &session, began_unix_us)?;
         session.keep_sweeps();
         let events = collect_events(&mut session);
         let bar = terminal::progress(None);
@@ -79,7 +87,18 @@ impl ExportArgs {
         if let Some(damage) = capture.damage() {
             tracing::warn!("{}: {damage}; what was readable has been used", self.file.display());
         }
-        self.finish(exports, &session)
+        self.finish(exports, &session)?;
+        let Some(plan) = plan else { return Ok(()) };
+        let path = plan.path().to_owned();
+        let (summary, _) = session.finish().map_err(cannot_write)?;
+        if let Some(reason) = summary.nothing_mapped {
+            return Err(Failure::new(Kind::NothingMapped, format!("there is no floor plan to draw: {reason}")));
+        }
+        let svg = std::fs::read(folder.path().join("map.svg"))
+            .map_err(|error| Failure::new(Kind::CantCreate, format!("{}: {error}", folder.path().display())))?;
+        plan.write(&svg).map_err(cannot_write)?;
+        terminal::say(format_args!("floor plan: {}", path.display()));
+        Ok(())
     }
 
     /// Completes all files, then gives them their names.

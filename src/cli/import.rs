@@ -134,13 +134,13 @@ impl ImportArgs {
             Format::Bag(_) => bag::read(input_path, &config, &options),
         }?;
         drive.doubts().iter().for_each(|doubt| tracing::warn!("{name}: {doubt}"));
-        let say = |remark: &String| eprintln!("{name}: {}", super::terminal::plain(remark));
+        let say = |remark: &String| super::terminal::tell(format_args!("{name}: {remark}"));
         drive.remarks().iter().for_each(say);
         let said = drive.remarks().len();
         let output = guard.output_replacing(&files.capture, |path| may_replace(&drive, path))?;
         let summary = drive.write(output)?;
         summary.remarks.iter().skip(said).for_each(say);
-        eprintln!("{}: {summary}", files.capture.display());
+        super::terminal::tell(format_args!("{}: {summary}", files.capture.display()));
         Ok(())
     }
 }

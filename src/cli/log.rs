@@ -20,10 +20,9 @@ pub(super) enum Format {
 pub(super) fn begin(format: Format, level: Option<Level>) {
     let text = (format == Format::Text).then(|| {
         let is_terminal = std::io::stderr().is_terminal();
-        tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_ansi(is_terminal).with_target(false)
+        lines().with_ansi(is_terminal).with_target(false)
     });
-    let json = (format == Format::Json)
-        .then(|| tracing_subscriber::fmt::layer().json().flatten_event(true).with_writer(std::io::stderr));
+    let json = (format == Format::Json).then(|| lines().json().flatten_event(true));
     let (filter, warning) = match level {
         Some(level) => (of_level(level), None),
         None => filter(),
@@ -35,10 +34,20 @@ pub(super) fn begin(format: Format, level: Option<Level>) {
     }
 }
 
+/// A layer that writes to standard error. Nobody may read it any more (`2>&1 | head`): the library would report that on standard error, and panic.
+fn lines<S>() -> tracing_subscriber::fmt::Layer<
+    S,
+    tracing_subscriber::fmt::format::DefaultFields,
+    tracing_subscriber::fmt::format::Format,
+    fn() -> std::io::Stderr,
+> {
+    tracing_subscriber::fmt::layer().with_writer(std::io::stderr as fn() -> std::io::Stderr).log_internal_errors(false)
+}
+
 /// Logs why the program ends.
 pub(super) fn end(format: Format, failure: &Failure) {
     match format {
-        Format::Text => eprintln!("slamd: {}", terminal::plain(failure)),
+        Format::Text => terminal::tell(format_args!("slamd: {failure}")),
         Format::Json => tracing::error!(target: END_TARGET, exit_code = failure.kind as u8, "{failure}"),
     }
 }

@@ -1,10 +1,12 @@
 //! `slamd completions` and `slamd man`: files that a package of slamd installs.
 
+use super::outputs::ForceArg;
 use super::{Failure, Kind, terminal};
 use clap::{Args, Command};
 use clap_complete::Shell;
 use std::io::Write as _;
-use std::path::PathBuf;
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::{Path, PathBuf};
 
 const COMPLETIONS: &str = "Examples:
   slamd completions bash > /usr/share/bash-completion/completions/slamd
@@ -40,25 +42,47 @@ pub(super) struct ManArgs {
     /// Folder for the pages, created if missing.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    #[command(flatten)]
+    force: ForceArg,
 }
 
 impl ManArgs {
     /// Writes the pages; `program` is slamd's complete command line.
     pub(super) fn run(self, program: Command) -> Result<(), Failure> {
-        let written = std::fs::create_dir_all(&self.out)
-            .and_then(|()| clap_mangen::generate_to(program, &self.out))
-            .and_then(|()| examples_as_written(&self.out));
         let name = self.out.display();
-        written.map_err(|error| {
+        let failure = |error: std::io::Error| {
             Failure::new(Kind::CantCreate, format!("{name}: {error}; choose a folder that can be written with --out"))
-        })?;
+        };
+        let made = tempfile::tempdir().map_err(failure)?;
+        clap_mangen::generate_to(program, made.path())
+            .and_then(|()| examples_as_written(made.path()))
+            .map_err(failure)?;
+        std::fs::create_dir_all(&self.out).map_err(failure)?;
+        let mut guard = self.force.guard();
+        let mut pages = Vec::new();
+        for entry in std::fs::read_dir(made.path()).map_err(failure)? {
+            let page = entry.map_err(failure)?;
+            let output = guard.output_replacing(&self.out.join(page.file_name()), is_page_of_slamd)?;
+            pages.push((output, std::fs::read(page.path()).map_err(failure)?));
+        }
+        for (output, page) in pages {
+            let path = output.path().to_owned();
+            output.write(&page)?;
+            // Everybody may read a manual.
+            std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o644)).map_err(failure)?;
+        }
         terminal::say(self.out.join("slamd.1").display());
         Ok(())
     }
 }
 
+/// True if an earlier slamd has written the page: it can be made again.
+fn is_page_of_slamd(path: &Path) -> bool {
+    std::fs::read_to_string(path).is_ok_and(|page| page.lines().take(5).any(|line| line.starts_with(".TH slamd")))
+}
+
 /// Names the section of the examples in each page, and keeps their lines as they are.
-fn examples_as_written(folder: &std::path::Path) -> std::io::Result<()> {
+fn examples_as_written(folder: &Path) -> std::io::Result<()> {
     for entry in std::fs::read_dir(folder)? {
         let path = entry?.path();
         let is_ours = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("slamd"));

@@ -189,7 +189,7 @@ fn usage_error(error: &clap::Error) -> ExitCode {
         return ExitCode::SUCCESS;
     }
     // A required option may be missing because its variable is misspelt.
-    config::unknown().iter().for_each(|text| eprintln!("slamd: {}", terminal::plain(text)));
+    config::unknown().iter().for_each(|text| terminal::tell(format_args!("slamd: {text}")));
     ExitCode::from(Kind::Usage as u8)
 }
 

@@ -129,7 +129,7 @@ impl LiveArgs {
     ) -> Result<Option<End>, Failure> {
         let saves = self.state.outputs(output.guard_of_robot()?)?;
         let options = Options { port, baud: self.baud, exit_on_hangup: self.exit_on_hangup };
-        let server = self.api.begin()?;
+        let server = self.api.begin(&saves.guard)?;
         let mut taps: Vec<Tap> = server.iter().map(|server| server.tap(&config.robot.name)).collect();
         // Lives until the map has been written.
         #[cfg(feature = "mqtt")]

@@ -1,12 +1,14 @@
 //! `slamd setup`: finds out how a robot is built, and writes its robot.toml.
 
+use super::outputs::ForceArg;
 use super::serial::{self, TimedSetup};
 use super::{Failure, Kind, run, terminal};
 use crate::port::{self, PortName};
 use crate::setup::{Measured, Progress, Setup};
 use clap::Args;
+use slamd_files::Output;
 use std::io::{IsTerminal as _, Write as _};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 const HELP: &str = "Examples:
   slamd setup                                  asks, guides, and writes robot.toml
@@ -16,7 +18,8 @@ const HELP: &str = "Examples:
 
 It finds the number of sensors, swapped or reversed wheels, ticks per turn, wheel base, and a turned or mirrored ring. Push the robot 30 cm
 straight ahead, turn it left on the spot by one full turn, then drive it around a room for a few metres. A robot that drives by itself
-needs no push. The board stores what setup finds out about its encoders.
+needs no push, but walls cannot tell swapped wheels from a mirrored ring: then setup asks you to turn its left wheel by hand. The board stores
+what setup finds out about its encoders.
 
 Exit code: 0 written, 65 the board or the robot is wrong in a way that no configuration mends, 69 the port cannot be used, 73 the file exists.";
 
@@ -33,9 +36,8 @@ pub(super) struct SetupArgs {
     /// The file to write.
     #[arg(short, long, value_name = "FILE", default_value = "robot.toml")]
     out: PathBuf,
-    /// Replace the file if it exists.
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    force: ForceArg,
     /// Ask nothing; the default without a terminal.
     #[arg(short, long)]
     yes: bool,
@@ -58,14 +60,7 @@ fn metres(text: &str) -> Result<f64, String> {
 
 impl SetupArgs {
     pub(super) fn run(self) -> Result<(), Failure> {
-        let name = self.out.display().to_string();
-        if self.out.is_dir() {
-            return Err(Failure::new(Kind::CantCreate, format!("{name} is a folder: name a file with --out")));
-        }
-        if self.out.exists() && !self.force {
-            let text = format!("{name} exists: replace it with --force, or name another file with --out");
-            return Err(Failure::new(Kind::CantCreate, text));
-        }
+        let output = self.force.guard().output(&self.out)?;
         let asks = !self.yes && std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
         let mut measured = Measured { wheel_radius_m: self.wheel_radius, wheel_base_m: self.wheel_base };
         if asks {
@@ -77,14 +72,14 @@ impl SetupArgs {
         let path = self.port.resolve().map_err(|error| unusable(&error))?;
         let stream = port::open(&path, self.baud).map_err(|error| unusable(&error))?;
         let port = path.display().to_string();
-        let setup = Setup::new(measured, self.baud, &port, self.timeout);
+        let setup = Setup::new(measured, self.baud, &port, self.timeout).with_person(asks);
         let mut timed = TimedSetup { setup, timeout_s: self.timeout };
         let gone = runtime.block_on(serial::listen(&mut timed, stream, false));
         let setup = timed.setup;
         match setup.progress() {
             Progress::Done(text) => {
-                setup.complaints().iter().for_each(|complaint| eprintln!("{}", terminal::plain(complaint)));
-                self.write(text, asks)
+                setup.complaints().iter().for_each(terminal::tell);
+                self.write(output, text, asks)
             }
             Progress::Failed(text) => Err(Failure::new(Kind::Data, text.clone())),
             Progress::Busy => {
@@ -94,24 +89,13 @@ impl SetupArgs {
         }
     }
 
-    fn write(&self, text: &str, asks: bool) -> Result<(), Failure> {
+    fn write(&self, output: Output, text: &str, asks: bool) -> Result<(), Failure> {
         let name = self.out.display();
         terminal::say(text.trim_end());
         if asks && !ask(&format!("Write this to {name}? [Y/n] ")).is_none_or(|answer| "yes".starts_with(&answer)) {
             return Err(Failure::new(Kind::NothingMapped, "nothing was written"));
         }
-        let folder =
-            self.out.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or_else(|| Path::new("."));
-        let write = || -> std::io::Result<()> {
-            let mut file = tempfile::NamedTempFile::new_in(folder)?;
-            file.write_all(text.as_bytes())?;
-            file.as_file().sync_all()?;
-            let written = if self.force { file.persist(&self.out) } else { file.persist_noclobber(&self.out) };
-            written.map(drop).map_err(|error| error.error)
-        };
-        write().map_err(|error| {
-            Failure::new(Kind::CantCreate, format!("{name}: {error}; name a file that can be written with --out"))
-        })?;
+        output.write(text.as_bytes())?;
         terminal::say(format_args!("wrote {name}; now: slamd --port {} --config {name}", self.port));
         Ok(())
     }
@@ -133,7 +117,8 @@ fn ask_measures(measured: &mut Measured) {
 
 /// The answer to a question at the terminal; none if it is empty.
 fn ask(question: &str) -> Option<String> {
-    eprint!("{question}");
+    let mut terminal = std::io::stderr();
+    let _ = write!(terminal, "{question}").and_then(|()| terminal.flush());
     let mut answer = String::new();
     std::io::stdin().read_line(&mut answer).ok()?;
     Some(answer.trim().to_lowercase()).filter(|answer| !answer.is_empty())

@@ -66,7 +66,7 @@ impl Guide {
         let step = instruction.split(':').next().unwrap_or_default();
         if !self.is_quiet && step != self.step {
             step.clone_into(&mut self.step);
-            eprintln!("{}", plain(step));
+            tell(step);
         }
     }
 }
@@ -80,6 +80,11 @@ impl Drop for Guide {
 /// Prints a line on standard output. A closed pipe (`| head`) is no failure.
 pub(super) fn say(line: impl std::fmt::Display) {
     let _ = writeln!(std::io::stdout(), "{}", plain(line));
+}
+
+/// Prints a line on standard error. A closed pipe (`2>&1 | head`) is no failure; `eprintln!` would panic there.
+pub(super) fn tell(line: impl std::fmt::Display) {
+    let _ = writeln!(std::io::stderr(), "{}", plain(line));
 }
 
 /// Text without control characters except line feeds and tabs: text from a file or a board must not control the terminal.

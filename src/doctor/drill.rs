@@ -4,8 +4,10 @@
 //! The first leg is the first motion, the second the next one with another pattern of signs. Only a drill by hand is judged: a robot that
 //! drives by itself is checked by the pipeline.
 
+mod ring_turn;
 mod walls;
 
+use ring_turn::ring_turn;
 use slamd_core::{Ring, Sweep, wrap_angle};
 use std::f64::consts::FRAC_PI_4;
 use walls::{direction, is_supported, scale, slope, turns_left};
@@ -31,6 +33,8 @@ const STILL_M: f64 = 0.0015;
 const SAME: [f64; 2] = [0.75, 1.33];
 /// A direction of travel that is farther from sensor bearing zero means that the ring is turned.
 const TURNED_RAD: f64 = 0.7;
+/// A ring that is turned by less, by where sensors face walls, is mounted as well as people can, radians.
+const MIN_TURN_OF_RING_RAD: f64 = 0.14;
 /// A turned ring this near to a multiple of 45 degrees is turned by that, radians.
 const NEAR_RAD: f64 = 0.25;
 
@@ -70,6 +74,8 @@ pub struct DrillResult {
     pub walls_per_counted: Option<f64>,
     /// True if the walls show a left turn, by the bearings of the ring.
     pub walls_turn_left: Option<bool>,
+    /// How far the ring is turned counter-clockwise by where its sensors face walls, radians, modulo a quarter turn.
+    pub ring_turn_rad: Option<f64>,
 }
 
 /// What a drill shows to be wrong.
@@ -222,6 +228,7 @@ impl Drill {
             towards_rad,
             walls_per_counted: towards_rad.and_then(|towards| scale(&slopes, towards)),
             walls_turn_left: turn.filter(is_asked).and_then(|turn| turns_left(turn, &bearings, self.base_m)),
+            ring_turn_rad: turn.filter(is_asked).and_then(|turn| ring_turn(&slopes, turn, ring, self.base_m)),
         }
     }
 }
@@ -248,6 +255,10 @@ impl DrillResult {
             let eighth = (-towards / FRAC_PI_4).round() * FRAC_PI_4;
             let turned = if (towards + eighth).abs() < NEAR_RAD { eighth } else { -towards };
             mistakes.push(Mistake::RingTurned(wrap_angle(turned)));
+        } else if let Some(turned) = self.ring_turn_rad.filter(|turned| turned.abs() > MIN_TURN_OF_RING_RAD)
+            && mistakes.is_empty()
+        {
+            mistakes.push(Mistake::RingTurned(turned));
         }
         if let (Some(wheels_left), Some(walls_left)) = (self.wheels_turn_left(), self.walls_turn_left) {
             match (wheels_left, walls_left) {

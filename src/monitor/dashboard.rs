@@ -1,6 +1,7 @@
 //! What the screen shows: a session's state, the link, rates and the map; small enough to be copied ten times a second.
 
-use slamd_core::{Point, Pose2, Raster, Rates, SensorState, Snapshot, link::LinkState};
+use crate::monitor::track::Track;
+use slamd_core::{Point, Pose2, Raster, Rates, SensorState, Snapshot, Waiting, link::LinkState};
 use std::sync::Arc;
 
 /// What one screen shows.
@@ -16,9 +17,44 @@ pub struct Dashboard {
     pub max_range_m: f64,
     /// The map, which is renewed less often than the rest.
     pub plan: Arc<Plan>,
+    /// Where the robot has been.
+    pub track: Track,
+    /// What the method waits for, while it has no pose.
+    pub waiting: Option<Waiting>,
 }
 
+/// A robot that has rolled less has not moved: an encoder may tremble by a tick. Metres.
+const STANDSTILL_M: f64 = 0.02;
+
 impl Dashboard {
+    /// Why there is no map yet, and what to do; none once there is one.
+    pub(super) fn no_map(&self) -> Option<String> {
+        let Snapshot { counters, ring, .. } = &self.session;
+        if self.plan.known.is_some() {
+            return None;
+        }
+        Some(if counters.frames == 0 {
+            "no map yet: no frame has come from the board".into()
+        } else if ring.is_empty() {
+            "no map yet: the board has not described its sensors".into()
+        } else if counters.sweeps == 0 {
+            "no map yet: no sweep is complete".into()
+        } else {
+            match self.waiting {
+                Some(Waiting { rolled_m, .. }) if rolled_m < STANDSTILL_M => {
+                    "no map yet: the robot has not moved; drive it".into()
+                }
+                Some(Waiting { returns: 0, .. }) => {
+                    format!("no map yet: no sensor has measured a wall within {:.1} m", self.max_range_m)
+                }
+                Some(Waiting { rolled_m, .. }) => format!(
+                    "no map yet: {rolled_m:.1} m driven, and the walls' direction is not clear; drive on along the walls"
+                ),
+                None => "no map yet: no echo has come often enough from one place".into(),
+            }
+        })
+    }
+
     /// The last sweep on the ring as it is mounted, by sensor; empty while no ring is known.
     pub(super) fn beams(&self) -> impl Iterator<Item = Beam> {
         let Snapshot { ring, ranges_m, states, .. } = &self.session;
@@ -118,5 +154,31 @@ impl Plan {
         };
         let known = (left < right).then(|| (corner(left, bottom), corner(right, top)));
         Self { raster, known }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use slamd_core::{Counters, Ring};
+
+    #[test]
+    fn the_first_thing_that_a_map_lacks_is_told() {
+        let told = |counters, ring, waiting| {
+            let session = Snapshot { counters, ring, ..Snapshot::default() };
+            Dashboard { session, waiting, max_range_m: 4.0, ..Dashboard::default() }.no_map().unwrap()
+        };
+        let none = Counters::default();
+        let frames = Counters { frames: 9, ..none };
+        let sweeps = Counters { sweeps: 9, ..frames };
+        let ring = || Ring::circle(8, 0.1, 0.2, 1);
+        assert!(told(none, Ring::default(), None).contains("no frame"));
+        assert!(told(frames, Ring::default(), None).contains("not described"));
+        assert!(told(frames, ring(), None).contains("no sweep"));
+        let waiting = |rolled_m, returns| told(sweeps, ring(), Some(Waiting { rolled_m, returns }));
+        assert!(waiting(0.0, 0).contains("has not moved"));
+        assert!(waiting(1.0, 0).contains("within 4.0 m"));
+        assert!(waiting(1.0, 50).contains("1.0 m driven"));
+        assert!(told(sweeps, ring(), None).contains("no echo"));
     }
 }

@@ -1,4 +1,4 @@
-//! The map, small: walls as dots, known floor as faint points, the robot as an arrow.
+//! The map, small: walls as dots, known floor as faint points, the path, the robot as an arrow.
 
 use crate::monitor::canvas::{Dots, Window};
 use crate::monitor::dashboard::Dashboard;
@@ -7,6 +7,8 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier};
 use ratatui::symbols::Marker;
+use ratatui::widgets::canvas::Line;
+use ratatui::widgets::{Paragraph, Widget as _, Wrap};
 use slamd_core::{Point, Pose2, Raster};
 use std::f64::consts::{FRAC_PI_4, TAU};
 
@@ -32,7 +34,8 @@ pub(super) fn window(area: Rect, dashboard: &Dashboard, view: View) -> (Point, f
     (Point::new(whole(centre.x), whole(centre.y)), dot_m)
 }
 
-/// The map about its middle or about the robot: faint points where the floor is known, walls over them, then the robot.
+/// The map about its middle or about the robot: faint points where the floor is known, the path, walls over them, then the robot. Without a
+/// map, the reason.
 pub(super) fn draw(area: Rect, buffer: &mut Buffer, dashboard: &Dashboard, view: View, look: Look) {
     let (centre, dot_m) = window(area, dashboard, view);
     let window = Window::new(area, centre, dot_m);
@@ -46,14 +49,35 @@ pub(super) fn draw(area: Rect, buffer: &mut Buffer, dashboard: &Dashboard, view:
     }
     let floor_marker = Marker::Custom(if look.unicode { '·' } else { '.' });
     let layers = [(floor, floor_marker, Color::DarkGray), (walls, look.marker('#'), Color::White)];
+    if let Some(reason) = dashboard.no_map() {
+        let words = Paragraph::new(look.text(&reason)).style(look.faint()).wrap(Wrap { trim: true });
+        return words.render(area, buffer);
+    }
     for (dots, marker, colour) in layers {
         let dots = Dots { dots: &dots, marker, colour: look.colour(colour) };
         window.draw(buffer, marker, |canvas| canvas.draw(&dots));
     }
+    window.draw(buffer, look.marker('+'), |canvas| {
+        for ends in dashboard.track.points().windows(2) {
+            canvas.draw(&Line::new(ends[0].x, ends[0].y, ends[1].x, ends[1].y, look.colour(Color::Blue)));
+        }
+    });
     if let Some(estimate) = &dashboard.session.estimate {
         let style = look.ink(Color::Cyan).add_modifier(Modifier::BOLD);
         window.label(buffer, estimate.pose.position(), arrow(estimate.pose, look), style);
     }
+}
+
+/// A bar in columns of the screen and its length, round and at most a third of the map's width.
+pub(super) fn scale_bar(area: Rect, dashboard: &Dashboard, view: View, look: Look) -> String {
+    let (_, dot_m) = window(area, dashboard, view);
+    let column_m = 2.0 * dot_m;
+    let most_m = column_m * f64::from(area.width) / 3.0;
+    let lengths_m = [50.0, 20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1];
+    let length_m = lengths_m.into_iter().find(|length_m| *length_m <= most_m).unwrap_or(0.05);
+    let columns = index(libm::round(length_m / column_m), usize::from(area.width)).max(2);
+    let [left, middle, right] = if look.unicode { ["├", "─", "┤"] } else { ["|", "-", "|"] };
+    format!("{left}{}{right} {length_m} m", middle.repeat(columns - 2))
 }
 
 /// The most occupied of the map's cells under a dot; unknown where none is known.

@@ -15,9 +15,11 @@ mod map;
 mod numbers;
 mod ring;
 mod screen;
+mod track;
 mod view;
 
 pub use dashboard::{Dashboard, Line, Plan, Tone};
-pub use screen::{MIN_HEIGHT, MIN_WIDTH, draw};
+pub use screen::{MIN_HEIGHT, MIN_WIDTH, clock, draw};
 pub use slamd_core::{RateMeter, Rates};
+pub use track::Track;
 pub use view::{Look, View};

@@ -8,6 +8,7 @@ use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier};
 use ratatui::text::{Line, Span, Text};
 use ratatui::widgets::{Block, Paragraph, Widget as _, Wrap};
+use slamd_core::Timestamp;
 
 /// Minimum width of a legible screen, columns.
 pub const MIN_WIDTH: u16 = 80;
@@ -48,7 +49,7 @@ pub fn draw(area: Rect, buffer: &mut Buffer, dashboard: &Dashboard, log: &[Strin
     let inside = frame(middle, buffer, "rates, pose, wheels", "", look);
     Paragraph::new(numbers::lines(dashboard, look)).render(inside, buffer);
     let about = if view.follow { "map about the robot" } else { "map" };
-    let inside = frame(right, buffer, about, &width_in_words(right, dashboard, view), look);
+    let inside = frame(right, buffer, about, &map::scale_bar(inside_of(right), dashboard, view, look), look);
     map::draw(inside, buffer, dashboard, view, look);
     let about = match (dashboard.session.doubted_models().count(), dashboard.session.faulty().count()) {
         (0, faulty) => format!("faulty sensors: {faulty}"),
@@ -80,9 +81,20 @@ fn frame(area: Rect, buffer: &mut Buffer, above: &str, below: &str, look: Look) 
     inside
 }
 
+/// The session's time, hours, minutes and seconds.
+#[must_use]
+pub fn clock(at: Timestamp) -> String {
+    let whole = at.us() / 1_000_000;
+    format!("{}:{:02}:{:02}", whole / 3600, whole / 60 % 60, whole % 60)
+}
+
+/// What a frame leaves inside.
+fn inside_of(area: Rect) -> Rect {
+    area.inner(ratatui::layout::Margin::new(1, 1))
+}
+
 fn title(area: Rect, buffer: &mut Buffer, dashboard: &Dashboard, view: View, look: Look) {
-    let whole = dashboard.session.at.us() / 1_000_000;
-    let clock = format!("{}:{:02}:{:02}", whole / 3600, whole / 60 % 60, whole % 60);
+    let clock = clock(dashboard.session.at);
     let robot = look.text(&dashboard.session.robot);
     let mut first =
         vec![Span::styled(" slamd monitor", look.tone(Tone::Good)), Span::raw(format!("  {robot}  {clock}"))];
@@ -95,13 +107,6 @@ fn title(area: Rect, buffer: &mut Buffer, dashboard: &Dashboard, view: View, loo
         Span::raw(format!(" {}", look.text(&line.cause))),
     ]);
     Paragraph::new(Text::from(vec![Line::from(first), second])).wrap(Wrap { trim: false }).render(area, buffer);
-}
-
-/// How wide the shown part of the map is.
-fn width_in_words(area: Rect, dashboard: &Dashboard, view: View) -> String {
-    let inside = area.inner(ratatui::layout::Margin::new(1, 1));
-    let (_, dot_m) = map::window(inside, dashboard, view);
-    format!("{:.1} m wide", dot_m * 2.0 * f64::from(inside.width))
 }
 
 /// What differs from the configuration, which sensors are ignored and why, newest first, and how many did not fit.

@@ -13,6 +13,7 @@ use slamd_protocol::MAX_SENSORS;
 pub fn discovery(names: &Names, sensors: usize) -> Vec<(String, String)> {
     let mut messages = vec![map(names)];
     messages.extend(pose(names));
+    messages.extend(drive(names));
     messages.push(link(names));
     messages.push(position(names));
     messages.push(configuration(names));
@@ -50,6 +51,27 @@ fn pose(names: &Names) -> [(String, String); 3] {
         "icon": "mdi:compass",
     });
     [coordinate("x", "X"), coordinate("y", "Y"), entity(names, "sensor", "heading", heading)]
+}
+
+/// What people ask of a drive: how large, how far, and how many sensors are broken.
+fn drive(names: &Names) -> [(String, String); 3] {
+    let number = |id: &str, name: &str, unit: Option<&str>, class: Option<&str>, icon: &str| {
+        let mut number = json!({
+            "name": name,
+            "state_topic": names.topic(id),
+            "state_class": "measurement",
+            "icon": icon,
+        });
+        if let Some((unit, class)) = unit.zip(class) {
+            (number["unit_of_measurement"], number["device_class"]) = (unit.into(), class.into());
+        }
+        entity(names, "sensor", id, number)
+    };
+    [
+        number("area", "Area", Some("m²"), Some("area"), "mdi:floor-plan"),
+        number("distance", "Distance", Some("m"), Some("distance"), "mdi:map-marker-distance"),
+        number("faulty_sensors", "Faulty sensors", None, None, "mdi:alert-circle-outline"),
+    ]
 }
 
 fn link(names: &Names) -> (String, String) {

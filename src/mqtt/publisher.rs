@@ -5,7 +5,7 @@ use super::discovery::discovery;
 use super::names::Names;
 use super::password::Password;
 use super::published::Published;
-use super::snapshot::messages;
+use super::snapshot::{messages, tenths};
 use crate::api::{Mailbox, Snapshot, Tap};
 use crate::priority;
 use bytes::Bytes;
@@ -229,6 +229,9 @@ impl MqttPublisher {
         for (topic, payload) in messages(&self.names, snapshot) {
             self.publish_at(topic, payload.into());
         }
+        if snapshot.estimate.is_some() {
+            self.publish("distance", tenths(self.sketch.path_m()).into());
+        }
         if let Some(raster) = map.filter(|raster| !raster.occupancy.is_empty()) {
             self.draw(snapshot, &raster);
         }
@@ -253,9 +256,12 @@ impl MqttPublisher {
             states: &states,
             robot_name: &snapshot.robot,
             doubts: &doubts,
+            began_unix_us: snapshot.unix_zero_us,
         };
-        match self.sketch.draw(around) {
+        let drawing = self.sketch.drawing(around);
+        match drawing.png() {
             Ok(picture) => {
+                self.publish("area", tenths(drawing.floor_m2()).into());
                 self.publish("map", picture.into());
                 self.until_map = MAP_PERIOD;
             }

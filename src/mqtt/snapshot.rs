@@ -26,6 +26,9 @@ pub(super) fn messages(names: &Names, snapshot: &Snapshot) -> Vec<(String, Strin
         let attributes = json!({ "findings": findings }).to_string();
         messages.push((names.topic("configuration_doubtful/attributes"), attributes));
     }
+    if !snapshot.ring.is_empty() {
+        messages.push((names.topic("faulty_sensors"), snapshot.faulty().count().to_string()));
+    }
     for sensor in 0..snapshot.ring.len() {
         let fault = snapshot.faulty().find(|change| change.sensor == sensor);
         let topic = names.topic(&format!("sensor/{sensor}"));
@@ -47,6 +50,11 @@ fn attributes(fault: Option<&FaultEvent>) -> String {
 /// The payload of a binary sensor in Home Assistant.
 fn word(is_on: bool) -> String {
     if is_on { "ON" } else { "OFF" }.into()
+}
+
+/// A number for people, to a tenth.
+pub(super) fn tenths(value: f64) -> String {
+    format!("{:.1}", value + 0.0)
 }
 
 /// Rounds to `1 / parts`, so that a robot at rest is published once. Adding 0.0 removes the sign of zero.
@@ -98,6 +106,7 @@ mod tests {
                 "configuration_doubtful/attributes",
                 r#"{"findings":["the wheels turn the other way; poses are uncertain"]}"#,
             ),
+            ("faulty_sensors", "1"),
             ("sensor/0/attributes", r#"{"reason":"","state":"healthy"}"#),
             ("sensor/0", "OFF"),
             ("sensor/1/attributes", r#"{"reason":"always 1 m","state":"stuck"}"#),

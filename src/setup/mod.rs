@@ -3,11 +3,13 @@
 //! Like the doctor, it has no port and no clock. It watches the robot with an [`Examination`] under the configuration that it believes in.
 //! Whatever the drill or the walls contradict is corrected, and the robot is watched anew, until some metres agree.
 
+mod one_wheel;
 mod robot;
 mod watch;
 
 use crate::doctor::{Examination, Finding, Level};
 use bytes::Bytes;
+use one_wheel::OneWheel;
 use robot::Wiring;
 use slamd_core::{Config, Timestamp, config::RobotConfig};
 use slamd_protocol::{FrameEncoder, Message, Setting};
@@ -52,6 +54,8 @@ enum Phase {
     Settings(Timestamp),
     /// The robot moves.
     Watch,
+    /// A person turns one wheel. Since when.
+    OneWheel(Timestamp, OneWheel),
     Over(Progress),
 }
 
@@ -80,7 +84,13 @@ pub struct Setup {
     ask_at: Timestamp,
     wiring: Option<Wiring>,
     wiring_before: Wiring,
+    /// What the board's settings have been at any time: it keeps them until they are written.
+    wiring_ever: Wiring,
     is_drilled: bool,
+    has_person: bool,
+    /// The person has been asked to turn a wheel, and has confirmed the wheels by it.
+    is_asked: bool,
+    is_told: bool,
     found: Vec<String>,
     found_at: Option<Timestamp>,
     rounds: usize,
@@ -107,13 +117,23 @@ impl Setup {
             ask_at: Timestamp::default(),
             wiring: None,
             wiring_before: Wiring::default(),
+            wiring_ever: Wiring::default(),
             is_drilled: false,
+            has_person: false,
+            is_asked: false,
+            is_told: false,
             found: Vec::new(),
             found_at: None,
             rounds: 0,
             now: Timestamp::default(),
             timeout_s,
         }
+    }
+
+    /// A person reads the instructions, and can be asked to do something with the robot.
+    #[must_use]
+    pub fn with_person(self, has_person: bool) -> Self {
+        Self { has_person, ..self }
     }
 
     /// Takes bytes that were read.
@@ -191,6 +211,10 @@ impl Setup {
                     ENOUGH_RAD.to_degrees()
                 )
             }
+            Phase::OneWheel(_, wheels) => format!(
+                "which wheel is which? Stop the robot, lift it, and turn only its LEFT wheel by half a turn: counted {:.0} cm",
+                100.0 * wheels.counted_m()
+            ),
             Phase::Over(_) => "done".into(),
         }
     }
@@ -215,6 +239,7 @@ impl Setup {
             Phase::Board => self.meet(at),
             Phase::Settings(since) => self.take_over(since, at),
             Phase::Watch => self.watch(at),
+            Phase::OneWheel(since, _) => return self.see_wheel(since, at),
             Phase::Over(_) => return,
         }
         if at.seconds() > self.timeout_s && !matches!(self.phase, Phase::Over(_)) {
@@ -259,7 +284,9 @@ impl Setup {
     /// Watches with the configuration of now, after the board has it.
     fn begin_watch(&mut self, at: Timestamp) {
         let wiring = self.wiring.unwrap_or_default();
-        self.config.board = robot::settings(wiring, self.wiring_before);
+        self.wiring_ever = self.wiring_ever.or(self.wiring_before);
+        self.config.board = robot::settings(wiring, self.wiring_ever);
+        self.wiring_ever = self.wiring_ever.or(wiring);
         self.examination = Examination::new(&self.config, self.baud, &self.port);
         (self.begin, self.found_at) = (at, None);
         self.phase = if self.config.board.is_empty() { Phase::Watch } else { Phase::Settings(at) };

@@ -33,6 +33,13 @@ impl Wiring {
         [(of_left, left), (of_right, right), (of_both, self.is_swapped)]
     }
 
+    /// What is set in one of both.
+    pub(super) fn or(self, other: Self) -> Self {
+        let [left, right] = self.is_reversed;
+        let [of_left, of_right] = other.is_reversed;
+        Self { is_swapped: self.is_swapped || other.is_swapped, is_reversed: [left || of_left, right || of_right] }
+    }
+
     /// The wiring where these reported wheels count backwards and, `is_swapped`, report the other wheel.
     pub(super) fn corrected(self, reversed: [bool; 2], is_swapped: bool) -> Self {
         let signs = [self.is_reversed[0] ^ reversed[0], self.is_reversed[1] ^ reversed[1]];
@@ -149,7 +156,7 @@ pub(super) fn circle(ring: &Ring) -> Option<CircleConfig> {
     })
 }
 
-/// The board's settings of the wiring, where they are not the defaults or were changed.
+/// The board's settings of the wiring, where they are not the defaults or, at any time `before`, were not.
 pub(super) fn settings(wiring: Wiring, before: Wiring) -> BTreeMap<String, SettingValue> {
     let changed = wiring.values().into_iter().zip(before.values()).filter(|(now, then)| now.1 || then.1);
     changed.map(|((setting, value), _)| (setting.name().into(), SettingValue::Flag(value))).collect()

@@ -1,9 +1,10 @@
 //! Watches the robot move: what contradicts the configuration, and when enough agrees with it.
 
+use super::one_wheel::OneWheel;
 use super::robot::{self, Change, Wiring};
 use super::{ENOUGH_M, ENOUGH_RAD, Measured, Phase, Progress, Setup};
 use crate::doctor::{Mistake, simple_factor};
-use slamd_core::{EncoderState, ModelState, Timestamp, config::RobotConfig};
+use slamd_core::{EncoderState, ModelState, Timestamp, Wheel, config::RobotConfig};
 
 /// A drill without a drive after it is enough after this time, seconds.
 const AFTER_DRILL_S: f64 = 10.0;
@@ -11,6 +12,8 @@ const AFTER_DRILL_S: f64 = 10.0;
 const MAX_ROUNDS: usize = 6;
 /// Further findings of one drive follow within this time, seconds.
 const GATHER_S: f64 = 0.5;
+/// A person who is asked to turn a wheel has this long, seconds.
+const ASK_S: f64 = 60.0;
 /// Counted turns within these bounds are the one full turn that the drill asks for, radians.
 const FULL_TURN_RAD: [f64; 2] = [4.7, 7.9];
 
@@ -165,6 +168,45 @@ impl Setup {
             self.rounds += 1;
             return self.begin_watch(at);
         }
+        let is_ambiguous =
+            self.wiring_before.is_swapped != self.wiring.unwrap_or_default().is_swapped && !self.is_drilled;
+        if is_ambiguous && self.has_person && !self.is_asked {
+            self.is_asked = true;
+            self.phase = Phase::OneWheel(at, OneWheel::default());
+            return;
+        }
+        self.write(is_confirmed);
+    }
+
+    /// Waits for the wheel that the person turns. If nobody does, the file says that there are two possibilities.
+    pub(super) fn see_wheel(&mut self, since: Timestamp, at: Timestamp) {
+        let Phase::OneWheel(_, wheels) = &mut self.phase else { return };
+        if let Some(sweep) = self.examination.pipeline().sweep() {
+            wheels.sweep(sweep);
+        }
+        match wheels.turned() {
+            Some(Wheel::Left) => {
+                self.is_told = true;
+                self.write(true);
+            }
+            // The left wheel was reported as the right one: the wheels were right before, and the ring is the mirrored one.
+            Some(Wheel::Right) => {
+                let mut wiring = self.wiring.unwrap_or_default();
+                for change in [Change::Swap, Change::Mirror] {
+                    robot::change(&mut self.config, &mut wiring, change);
+                }
+                self.found.push(Change::Mirror.words());
+                self.wiring = Some(wiring);
+                self.begin_watch(at);
+            }
+            None if at.seconds_since(since) > ASK_S || at.seconds() > self.timeout_s => self.write(true),
+            None => {}
+        }
+    }
+
+    /// Ends with the file.
+    fn write(&mut self, is_confirmed: bool) {
+        let pipeline = self.examination.pipeline();
         let said = pipeline.board().ticks_per_turn();
         let assumed = self.measured.robot();
         let wirings = (self.wiring_before, self.wiring.unwrap_or_default());
@@ -172,7 +214,7 @@ impl Setup {
         if self.found.is_empty() {
             self.found.push("the robot is as the board says".into());
         }
-        if wirings.0.is_swapped != wirings.1.is_swapped && !self.is_drilled {
+        if wirings.0.is_swapped != wirings.1.is_swapped && !self.is_drilled && !self.is_told {
             self.found.push(
                 "walls cannot tell this from sensors that are numbered the other way round; if the map is a mirror image, set \
                  wheels_swapped = false, and mirrored = true in [ring]"

@@ -14,8 +14,12 @@ use std::os::unix::fs::PermissionsExt as _;
 const REQUIRED: &[(&str, &[&str])] =
     &[("image", &["image_topic"]), ("sensor", &["state_topic"]), ("binary_sensor", &["state_topic"])];
 /// The device classes that it knows, of those that are used, with the units that it takes for them.
-const CLASSES: &[(&str, &str, &[&str])] =
-    &[("sensor", "distance", &["m"]), ("sensor", "enum", &[]), ("binary_sensor", "problem", &[])];
+const CLASSES: &[(&str, &str, &[&str])] = &[
+    ("sensor", "distance", &["m"]),
+    ("sensor", "area", &["m²"]),
+    ("sensor", "enum", &[]),
+    ("binary_sensor", "problem", &[]),
+];
 
 /// The descriptions of all entities, by topic.
 fn descriptions(told: &BTreeMap<String, Vec<u8>>) -> BTreeMap<String, Value> {
@@ -80,7 +84,7 @@ fn home_assistant_finds_the_robot_and_its_end() {
     let descriptions = descriptions(&told);
     let found: Vec<_> = descriptions.iter().flat_map(|(topic, it)| complaints(topic, it, &told)).collect();
     assert!(found.is_empty(), "\n{}", found.join("\n"));
-    assert_eq!(descriptions.len(), 1 + 3 + 1 + 1 + 1 + 32, "{:?}", descriptions.keys());
+    assert_eq!(descriptions.len(), 1 + 3 + 3 + 1 + 1 + 1 + 32, "{:?}", descriptions.keys());
     let distinct = |key: fn(&Value) -> String| descriptions.values().map(key).collect::<BTreeSet<_>>().len();
     assert_eq!(distinct(|it| it["unique_id"].to_string()), descriptions.len());
     assert_eq!(distinct(|it| it["device"].to_string()), 1, "they are one device");
@@ -111,6 +115,9 @@ fn check_states(descriptions: &BTreeMap<String, Value>, told: &BTreeMap<String, 
     assert_eq!(text("configuration_doubtful/attributes"), "{\"findings\":[]}");
     let faulty: Vec<usize> = (0..32).filter(|sensor| text(&format!("sensor/{sensor}")) == "ON").collect();
     assert_eq!(faulty, [3]);
+    assert_eq!(text("faulty_sensors"), "1");
+    let number = |what: &str| text(what).parse::<f64>().unwrap();
+    assert!(number("distance") > 0.0 && number("area") >= 0.0, "{} m, {} m2", number("distance"), number("area"));
     let why: Value = serde_json::from_str(&text("sensor/3/attributes")).unwrap();
     assert!(why["state"] == "missing" && !why["reason"].as_str().unwrap().is_empty(), "{why}");
     let cause: Value = serde_json::from_str(&text("link/attributes")).unwrap();

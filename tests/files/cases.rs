@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
 use sha2::{Digest as _, Sha256};
+use slamd_testkit::mock_port::{Board, Device, Plugged};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use tempfile::TempDir;
@@ -261,4 +262,87 @@ fn case_21_texts_of_all_kinds() {
         assert_eq!(text.contains("line 1"), name == "boot.csv", "{text}");
         case.assert_clean(0.004);
     }
+}
+
+#[test]
+fn case_02_a_second_recording_keeps_the_first() {
+    let Some(case) = Case::open("02") else { return };
+    let _board = Plugged::new(&case.path("board"), Device::new(Board::robot(5), 1));
+    let record =
+        |seconds| case.slamd(&["--port", "board", "--duration", seconds, "--record", "drive.mcap", "--out", "o"]);
+    let (_, text) = record("2");
+    assert!(case.path("drive.mcap").exists(), "{text}");
+    let before = case.sha256("drive.mcap");
+    let (_, text) = record("1");
+    assert!(text.contains("drive-0002.mcap") && case.path("drive-0002.mcap").exists(), "{text}");
+    assert_eq!(case.sha256("drive.mcap"), before);
+}
+
+#[test]
+fn case_06_counters_that_start_anew() {
+    let Some(case) = Case::open("06") else { return };
+    let (code, text) = case.import("board_reset.csv", &[]);
+    assert!(code == 0 && text.contains("line 452"), "{code} {text}");
+    let (sweeps, map_m2, rmse_m) = case.replay();
+    assert!(sweeps >= 899 && (19.0..20.5).contains(&map_m2) && rmse_m < 0.05, "{sweeps} {map_m2} {rmse_m}");
+    let (_, text) = case.slamd(&["doctor", "--capture", "c.mcap"]);
+    assert!(text.contains("start anew"), "{text}");
+}
+
+#[test]
+fn case_07_counters_of_16_bits() {
+    let Some(case) = Case::open("07") else { return };
+    let (code, text) = case.import("u16.csv", &[]);
+    assert!(code == 0 && text.contains("16 bits"), "{code} {text}");
+    case.assert_clean(0.004);
+}
+
+#[test]
+fn case_12_one_sensor_per_row_makes_the_map() {
+    let Some(case) = Case::open("12") else { return };
+    assert_eq!(case.import("robin.csv", &[]).0, 0);
+    let (sweeps, map_m2, _) = case.replay();
+    assert!((220..=226).contains(&sweeps) && (19.0..20.5).contains(&map_m2), "{sweeps} sweeps, {map_m2} m2");
+    assert_eq!(std::fs::read_to_string(case.path("o/faults.csv")).unwrap().lines().count(), 1, "no sensor is faulty");
+}
+
+#[test]
+fn case_24_text_between_the_frames() {
+    let Some(case) = Case::open("24") else { return };
+    // As mixed.py does: a print every 0.3 s between what the board sends.
+    let _board = Plugged::new(&case.path("board"), Device::new(Board::robot(5), 1).with_text(b"dist=23 cm\r\n"));
+    let (_, text) = case.slamd(&["doctor", "--port", "board", "--seconds", "4"]);
+    assert!(text.contains("readable text") && text.contains("`dist=23 cm`"), "{text}");
+    assert!(text.contains("take the prints out") && !text.contains("shorten the cable"), "{text}");
+}
+
+#[test]
+fn case_26_uncertain_to_the_end_counts() {
+    let Some(case) = Case::open("26") else { return };
+    case.copy("scatter.csv");
+    case.copy("robot.toml");
+    let import = ["import", "ring", "scatter.csv", "--config", "robot.toml", "--capture", "c.mcap"];
+    assert_eq!(case.slamd(&import).0, 0);
+    assert_eq!(case.slamd(&["replay", "c.mcap", "--out", "o"]).0, 0);
+    let summary: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(case.path("o/summary.json")).unwrap()).unwrap();
+    let log = std::fs::read_to_string(case.path("o/lock.csv")).unwrap();
+    let last_pose = std::fs::read_to_string(case.path("o/trajectory.tum")).unwrap();
+    let end_s: f64 = last_pose.lines().last().unwrap().split(' ').next().unwrap().parse().unwrap();
+    // The sum of the log's own intervals; one that is open lasts to the last pose.
+    let (mut sum_s, mut since_s) = (0.0, None::<f64>);
+    for line in log.lines().skip(1) {
+        let fields: Vec<&str> = line.split(',').collect();
+        let from_s: f64 = fields[2].parse().unwrap();
+        match fields[1] {
+            "lost" | "doubted" => since_s = Some(since_s.unwrap_or(from_s)),
+            "regained" | "trusted" => {
+                sum_s += fields[0].parse::<f64>().unwrap() - since_s.take().map_or(from_s, |open_s| open_s.min(from_s));
+            }
+            _ => {}
+        }
+    }
+    sum_s += since_s.map_or(0.0, |since_s| end_s - since_s);
+    let told_s = summary["uncertain_s"].as_f64().unwrap();
+    assert!((told_s - sum_s).abs() < 1e-3, "{told_s} s, {sum_s} s of\n{log}");
 }

@@ -26,6 +26,7 @@ const OPTIONS: &[(&str, &str, &str)] = &[
     ("export --mcap", "drive.mcap", "export drive.mcap --mcap TARGET"),
     ("export --csv", "drive.mcap", "export drive.mcap --csv TARGET"),
     ("export --tum", "drive.mcap", "export drive.mcap --tum TARGET"),
+    ("export --svg", "drive.mcap", "export drive.mcap --svg TARGET"),
     ("replay --save-session", "drive.mcap", "replay drive.mcap --out results --save-session TARGET"),
     ("replay --session", "drive.mcap", "replay drive.mcap --out results --session TARGET"),
     ("replay --save-calibration", "drive.mcap", "replay drive.mcap --out results --save-calibration TARGET"),

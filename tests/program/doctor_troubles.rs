@@ -65,6 +65,13 @@ fn counts_that_no_wheel_can_make_are_named_and_left_out() {
 }
 
 #[test]
+fn signed_counts_of_16_bits_are_named_and_slow_groups_are_not() {
+    assert_only(&examine(Oddity::WrapsSigned, 40), "wheels.counts", ["wraps at 16 bits", "32 bits"], &[]);
+    let report = examine(Oddity::SlowSlots, 40);
+    assert!(report.findings.iter().all(|finding| !finding.text.contains("scatter")), "\n{report}");
+}
+
+#[test]
 fn clocks_are_named_and_not_taken_for_slots_or_the_supply() {
     let report = examine(Oddity::Milliseconds, 20);
     assert_only(&report, "clock.stamps", ["counts milliseconds", "micros()"], &[]);

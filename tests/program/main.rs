@@ -2,6 +2,7 @@
 
 mod book;
 mod cli;
+mod closed_pipe;
 mod config_command;
 mod doctor;
 mod doctor_troubles;
@@ -11,5 +12,6 @@ mod monitor_terminal;
 mod package;
 mod service;
 mod setup;
+mod setup_terminal;
 mod systemd;
 mod udev;

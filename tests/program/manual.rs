@@ -102,6 +102,16 @@ fn every_command_has_a_page_that_groff_renders() {
     let file = folder.path().join("file");
     std::fs::write(&file, "").unwrap();
     assert_eq!(slamd(&["man", "--out", file.join("man").to_str().unwrap()]).status.code(), Some(73));
+    // Its own pages are written again; what somebody else wrote is kept, and no page is written beside it.
+    let again = slamd(&["man", "--out", out.to_str().unwrap()]);
+    assert!(again.status.success(), "{}", String::from_utf8_lossy(&again.stderr));
+    let other = folder.path().join("other");
+    std::fs::create_dir(&other).unwrap();
+    std::fs::write(other.join("slamd-run.1"), "mine").unwrap();
+    assert_eq!(slamd(&["man", "--out", other.to_str().unwrap()]).status.code(), Some(73));
+    assert_eq!(std::fs::read_to_string(other.join("slamd-run.1")).unwrap(), "mine");
+    assert_eq!(std::fs::read_dir(&other).unwrap().count(), 1);
+    assert!(slamd(&["man", "--force", "--out", other.to_str().unwrap()]).status.success());
 }
 
 const JSONSCHEMA: &str = "jsonschema==4.25.1";

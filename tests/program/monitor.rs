@@ -75,6 +75,7 @@ fn dashboard() -> Dashboard {
         rates: Rates { sweeps: 9.9, frames: 91.2, crc_errors: 0.5, ..Rates::default() },
         max_range_m: 4.0,
         plan: Arc::new(Plan::new(raster)),
+        ..Dashboard::default()
     }
 }
 
@@ -229,7 +230,24 @@ fn a_small_terminal_shows_the_size_that_is_needed() {
 }
 
 #[test]
+fn the_map_has_the_path_and_a_scale() {
+    let mut dashboard = dashboard();
+    for x in -20..10 {
+        dashboard.track.push(Point::new(0.1 * f64::from(x), -1.0));
+    }
+    let shown = text(&screen(SMALL, &dashboard, View::default(), PLAIN));
+    assert!(shown.lines().any(|line| line.matches('+').count() > 8 && line.contains("+++++")), "{shown}");
+    // The room is 6 m wide: a bar of 2 m is a third of it.
+    let bar =
+        shown.lines().find_map(|line| line.split_once("| 2 m ")).unwrap_or_else(|| panic!("no bar in\n{shown}")).0;
+    let bar_columns = 1 + bar.len() - bar.rfind('|').unwrap();
+    let wall = shown.lines().map(|line| line.matches('#').count()).max().unwrap();
+    assert!((bar_columns * 3).abs_diff(wall) <= 4, "{bar_columns} for {wall}\n{shown}");
+}
+
+#[test]
 fn nothing_is_known_at_first() {
     let shown = text(&screen(SMALL, &Dashboard::default(), View::default(), FULL));
     assert!(shown.contains("no ring is known yet") && shown.contains("not known yet"), "{shown}");
+    assert!(shown.contains("no map yet: no frame has"), "{shown}");
 }

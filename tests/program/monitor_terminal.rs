@@ -16,8 +16,11 @@ const LEAVE: &str = "\x1b[?1049l";
 const SHOW_CURSOR: &str = "\x1b[?25h";
 const HIDE_CURSOR: &str = "\x1b[?25l";
 
+/// A busy computer takes long.
+const PATIENCE: Duration = Duration::from_secs(120);
+
 /// The program in a session of its own on a terminal of its own.
-struct Watched {
+pub(crate) struct Watched {
     child: Child,
     master: File,
     written: Vec<u8>,
@@ -25,6 +28,11 @@ struct Watched {
 
 impl Watched {
     fn start(arguments: &[&str], out: &Path) -> Self {
+        Self::run(&[&["monitor"], arguments, &["--out", out.to_str().unwrap()]].concat())
+    }
+
+    /// Any command.
+    pub(crate) fn run(arguments: &[&str]) -> Self {
         let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
         let master = openpt(flags).unwrap();
         grantpt(&master).unwrap();
@@ -32,10 +40,8 @@ impl Watched {
         tcsetwinsize(&master, Winsize { ws_row: 30, ws_col: 100, ws_xpixel: 0, ws_ypixel: 0 }).unwrap();
         let slave = || Stdio::from(ioctl_tiocgptpeer(&master, flags).unwrap());
         let child = Command::new("setsid")
-            .args(["--ctty", env!("CARGO_BIN_EXE_slamd"), "monitor"])
+            .args(["--ctty", env!("CARGO_BIN_EXE_slamd")])
             .args(arguments)
-            .arg("--out")
-            .arg(out)
             .envs([("LC_ALL", "C.UTF-8"), ("TERM", "xterm-256color")])
             .env_remove("NO_COLOR")
             .stdin(slave())
@@ -47,10 +53,24 @@ impl Watched {
         Self { child, master: master.into(), written: Vec::new() }
     }
 
+    /// Waits until it has written something.
+    #[expect(clippy::disallowed_methods, reason = "the test waits in real time")]
+    pub(crate) fn expect_text(&mut self, words: &str) {
+        let end = Instant::now() + PATIENCE;
+        while Instant::now() < end {
+            self.read();
+            if self.text().contains(words) {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        panic!("no \"{words}\" in\n{}", self.text());
+    }
+
     /// Waits until the screen shows something.
     #[expect(clippy::disallowed_methods, reason = "the test waits in real time")]
     fn expect(&mut self, words: &str) {
-        let end = Instant::now() + Duration::from_secs(30);
+        let end = Instant::now() + PATIENCE;
         while Instant::now() < end {
             self.read();
             if self.screen().contains(words) {
@@ -62,8 +82,8 @@ impl Watched {
     }
 
     #[expect(clippy::disallowed_methods, reason = "the test waits in real time")]
-    fn end(&mut self) -> ExitStatus {
-        let end = Instant::now() + Duration::from_secs(30);
+    pub(crate) fn end(&mut self) -> ExitStatus {
+        let end = Instant::now() + PATIENCE;
         while Instant::now() < end {
             self.read();
             if let Some(status) = self.child.try_wait().unwrap() {
@@ -82,7 +102,7 @@ impl Watched {
         }
     }
 
-    fn press(&mut self, keys: &str) {
+    pub(crate) fn press(&mut self, keys: &str) {
         self.master.write_all(keys.as_bytes()).unwrap();
     }
 
@@ -91,7 +111,7 @@ impl Watched {
         assert!(status.success());
     }
 
-    fn text(&self) -> String {
+    pub(crate) fn text(&self) -> String {
         String::from_utf8_lossy(&self.written).into_owned()
     }
 
@@ -147,8 +167,9 @@ const CAPTURE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/replay/flat-paper-fa
 fn a_capture_plays_until_q() {
     let folder = tempfile::tempdir().unwrap();
     let mut watched = Watched::start(&["--capture", CAPTURE, "--speed", "20"], folder.path());
-    watched.expect("playing");
-    watched.expect("gives no measurement");
+    // The word "playing" may have gone before a busy computer looks.
+    watched.expect("slamd monitor");
+    watched.expect("12 gives no measurement");
     watched.expect("ratio");
     watched.press("?");
     watched.expect("Ctrl-C");
@@ -212,7 +233,7 @@ fn a_stalled_terminal_never_blocks_mapping() {
         let growing = files.filter(|file| file.file_name().to_string_lossy().starts_with(".trajectory.tum."));
         growing.map(|file| file.metadata().map_or(0, |file| file.len())).sum::<u64>()
     };
-    let (before, end) = (size(), Instant::now() + Duration::from_secs(30));
+    let (before, end) = (size(), Instant::now() + PATIENCE);
     while size() < before + 10_000 {
         assert!(Instant::now() < end, "the session stands still");
         std::thread::sleep(Duration::from_millis(10));

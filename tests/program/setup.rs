@@ -5,6 +5,7 @@
 use slamd::setup::{Measured, Progress, Setup};
 use slamd_capture::Record;
 use slamd_core::{Config, Driver, Event, Input, Pipeline, Pose2, Start, Timestamp, Update};
+use slamd_protocol::{FrameDecoder, FrameEncoder, Message, Setting};
 use slamd_sim::fault::FaultMix;
 use slamd_sim::link::LinkFaults;
 use slamd_sim::simulation::{SimConfig, Simulation};
@@ -56,6 +57,69 @@ fn set_up(simulation: &mut Simulation, seconds: u64) -> Result<(String, f64), St
         match setup.progress() {
             Progress::Busy => {}
             Progress::Done(text) => return Ok((text.clone(), now.seconds())),
+            Progress::Failed(text) => return Err(text.clone()),
+        }
+    }
+    Err("it never ends".into())
+}
+
+/// Sets a robot up that drives by itself, with a person who turns its left wheel when asked. The file's text.
+fn set_up_with_person(simulation: &mut Simulation, are_plugs_swapped: bool) -> Result<String, String> {
+    const SECONDS: u64 = 400;
+    let mut setup = Setup::new(Measured::default(), 115_200, "test", SECONDS as f64).with_person(true);
+    let (mut decoder, mut heard, mut encoder) = (FrameDecoder::new(), FrameDecoder::new(), FrameEncoder::default());
+    // The true counts when the robot was lifted, and how often the wheel was seen since.
+    let (mut lifted, mut is_lifted, mut seen) = ([0, 0], false, 0);
+    let mut is_swapped = false;
+    let mut asked = 0;
+    for now_us in (0..(SECONDS + 1) * 1_000_000).step_by(STEP_US) {
+        let now = Timestamp::from_us(now_us);
+        let is_asked = setup.instruction().starts_with("which wheel is which");
+        asked += u32::from(is_asked && !is_lifted);
+        is_lifted = is_asked;
+        while let Some(record) = simulation.poll(now) {
+            let Record::Received { bytes, .. } = record else { continue };
+            for byte in bytes {
+                let Some(frame) = decoder.push(byte) else { continue };
+                let mut message = Message::parse(frame.kind, frame.payload).unwrap();
+                let counts = match &mut message {
+                    Message::Sonar(sonar) => Some((&mut sonar.left_ticks, &mut sonar.right_ticks)),
+                    Message::Encoder(encoder) => Some((&mut encoder.left_ticks, &mut encoder.right_ticks)),
+                    _ => None,
+                };
+                if let Some((left, right)) = counts {
+                    if !is_lifted {
+                        (lifted, seen) = ([*left, *right], 0);
+                    } else {
+                        // It stands for some seconds, then one wheel turns; `left` is what the board calls so.
+                        seen += 1;
+                        let turned = (seen - 300).clamp(0, 400);
+                        (*left, *right) = (lifted[0], lifted[1]);
+                        *(if is_swapped == are_plugs_swapped { left } else { right }) += 2 * turned;
+                    }
+                }
+                setup.received(now, &encoder.encode(&message));
+            }
+        }
+        setup.run_until(now);
+        for frame in setup.take_transmit() {
+            for byte in &frame {
+                let Some(sent) = heard.push(*byte) else { continue };
+                if let Ok(Message::ConfigSet { key, value }) = Message::parse(sent.kind, sent.payload)
+                    && key == Setting::WheelsSwapped.key()
+                {
+                    is_swapped = value == 1;
+                }
+            }
+            simulation.hear(now, &frame);
+            setup.sent(now, &frame);
+        }
+        match setup.progress() {
+            Progress::Busy => {}
+            Progress::Done(text) => {
+                assert_eq!(asked, 1, "asked {asked} times:\n{text}");
+                return Ok(text.clone());
+            }
             Progress::Failed(text) => return Err(text.clone()),
         }
     }
@@ -147,6 +211,18 @@ fn each_mistake_has_its_keys_and_values() {
 }
 
 #[test]
+fn a_person_tells_swapped_wheels_from_a_mirrored_ring() {
+    let text = set_up_with_person(&mut robot(16, &["wheels-swapped"]), true).unwrap();
+    assert!(text.contains("\nwheels_swapped = true\n") && !text.contains("mirrored = true"), "{text}");
+    assert!(!text.contains("walls cannot tell"), "{text}");
+    let text = set_up_with_person(&mut robot(16, &["ring-mirrored"]), false).unwrap();
+    assert!(text.contains("\nmirrored = true\n") && !text.contains("wheels_swapped = true"), "{text}");
+    // Without a person the file says that there are two possibilities.
+    let (text, _) = set_up(&mut robot(16, &["ring-mirrored"]), 300).unwrap();
+    assert!(text.contains("walls cannot tell") && text.contains("mirrored = true in [ring]"), "{text}");
+}
+
+#[test]
 fn a_board_that_gives_no_readings_is_named_and_nothing_is_written() {
     let mut setup = Setup::new(Measured::default(), 115_200, "test", 120.0);
     OddBoard::new(Oddity::Ids).run(110, |now_us, said| {
@@ -164,11 +240,11 @@ fn a_board_that_gives_no_readings_is_named_and_nothing_is_written() {
 const SLAMD: &str = env!("CARGO_BIN_EXE_slamd");
 
 /// A simulated robot on a pseudo-terminal, killed at the end.
-struct Board(Child);
+pub(crate) struct Board(Child);
 
 #[expect(clippy::disallowed_methods, reason = "waits for a program")]
 impl Board {
-    fn new(folder: &Path, arguments: &[&str]) -> Self {
+    pub(crate) fn new(folder: &Path, arguments: &[&str]) -> Self {
         let mut simulate = Command::new(SLAMD);
         simulate.args(["simulate", "--pty", "board"]).args(arguments).current_dir(folder);
         let board = Self(simulate.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap());
@@ -222,10 +298,10 @@ fn a_fresh_folder_becomes_a_robot_with_a_map() {
     // What is there is not replaced, and nothing half remains.
     let again = slamd(folder, &["setup", "--port", "board"]);
     assert_eq!(again.status.code(), Some(73));
-    assert!(String::from_utf8_lossy(&again.stderr).contains("robot.toml exists: replace it with --force"));
+    assert!(String::from_utf8_lossy(&again.stderr).contains("robot.toml exists and is kept"));
     std::fs::create_dir(folder.join("out")).unwrap();
     let named = slamd(folder, &["setup", "--port", "board", "--out", "out"]);
-    assert!(named.status.code() == Some(73) && String::from_utf8_lossy(&named.stderr).contains("out is a folder"));
+    assert!(named.status.code() == Some(64) && String::from_utf8_lossy(&named.stderr).contains("out is a folder"));
     let gone = slamd(folder, &["setup", "--port", "board", "--out", "other.toml"]);
     assert!(gone.status.code() == Some(69) && !folder.join("other.toml").exists());
 }

@@ -17,6 +17,7 @@ pub struct Checkpoint {
     doubts: Vec<String>,
     robot_name: String,
     config_toml: String,
+    began_unix_us: Option<u64>,
     /// The files that have grown.
     grown: Vec<File>,
     moved: Option<PathBuf>,
@@ -54,6 +55,7 @@ impl Outputs {
             doubts: summary.doubtful,
             robot_name: state.config.robot.name.clone(),
             config_toml: state.config.to_toml(),
+            began_unix_us: self.folder.source().began_unix_us,
             grown,
             moved,
         }))
@@ -67,7 +69,7 @@ impl Checkpoint {
         self.moved.as_ref()
     }
 
-    /// Writes the map and its picture, and waits until everything is on the disk.
+    /// Writes the map and its pictures, and waits until everything is on the disk.
     ///
     /// # Errors
     /// When a file cannot be written. The older file is then unchanged.
@@ -81,14 +83,17 @@ impl Checkpoint {
             states: &self.states,
             robot_name: &self.robot_name,
             doubts: &self.doubts,
+            began_unix_us: self.began_unix_us,
         };
         let name = "map.png";
-        let picture = self.sketch.draw(around).map_err(|source| WriteError { path: self.folder.join(name), source })?;
+        let drawing = self.sketch.drawing(around);
+        let picture = drawing.png().map_err(|source| WriteError { path: self.folder.join(name), source })?;
         let [pgm, yaml] = map_files(&self.folder, "map", &self.raster)?;
         let files = [
             pgm,
             yaml,
             complete_file(&self.folder, name, &picture)?,
+            complete_file(&self.folder, "map.svg", drawing.svg().as_bytes())?,
             complete_file(&self.folder, "config.toml", self.config_toml.as_bytes())?,
         ];
         files.into_iter().try_for_each(|file| file.name().map(drop))

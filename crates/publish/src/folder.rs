@@ -8,12 +8,13 @@ use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
 /// The files of a run.
-pub const RESULTS: [&str; 10] = [
+pub const RESULTS: [&str; 11] = [
     "config.toml",
     "faults.csv",
     "lock.csv",
     "map.pgm",
     "map.png",
+    "map.svg",
     "map.yaml",
     "odometry.tum",
     "summary.json",

@@ -8,6 +8,7 @@ mod localization_log;
 mod map_file;
 mod model_log;
 mod picture;
+mod plan;
 mod pose_table;
 mod sketch;
 mod summary;
@@ -19,7 +20,7 @@ pub use folder::{FolderError, RESULTS, Source};
 pub use map_file::{FREE_PERCENT, OCCUPIED_PERCENT, grey, grey_png, write_map};
 pub use model_log::{ModelReport, Remedy};
 pub use pose_table::PoseTable;
-pub use sketch::{Sketch, Surroundings};
+pub use sketch::{Drawing, Sketch, Surroundings};
 pub use slamd_files::WriteError;
 use slamd_files::{CompleteFile, OutputGuard, complete_file};
 pub use summary::{EncoderFault, KnownMapPosition, Latency, Summary};
@@ -232,8 +233,8 @@ impl Outputs {
         let known = raster.occupancy.iter().filter(|percent| **percent != Raster::UNKNOWN).count();
         summary.map_m2 = known as f64 * raster.cell_m * raster.cell_m;
         let [pgm, yaml] = map_files(&path, "map", raster)?;
-        let picture =
-            self.picture(state, &summary).map_err(|source| WriteError { path: path.join("map.png"), source })?;
+        let (png, svg) =
+            self.pictures(state, &mut summary).map_err(|source| WriteError { path: path.join("map.png"), source })?;
         let trajectory = self.trajectory.complete()?;
         summary.map_sha256 = pgm.sha256().into();
         summary.trajectory_sha256 = trajectory.sha256().into();
@@ -242,7 +243,8 @@ impl Outputs {
         let files: Vec<CompleteFile> = [
             pgm,
             yaml,
-            complete_file(&path, "map.png", &picture)?,
+            complete_file(&path, "map.png", &png)?,
+            complete_file(&path, "map.svg", svg.as_bytes())?,
             complete_file(&path, "config.toml", state.config.to_toml().as_bytes())?,
             trajectory,
             self.odometry.complete()?,
@@ -292,7 +294,8 @@ impl Outputs {
         summary
     }
 
-    fn picture(&self, state: &FinalState<'_>, summary: &Summary) -> io::Result<Vec<u8>> {
+    /// `map.png` and `map.svg`; the areas of the rooms are for the summary.
+    fn pictures(&self, state: &FinalState<'_>, summary: &mut Summary) -> io::Result<(Vec<u8>, String)> {
         let map_from_world = self.accuracy.world_from_map().map(Pose2::inverse);
         let truth: Vec<_> = map_from_world
             .map(|transform| self.truth_path.points().into_iter().map(|point| transform.transform(point)).collect())
@@ -303,11 +306,15 @@ impl Outputs {
             states: state.states,
             robot_name: &state.config.robot.name,
             doubts: &summary.doubtful,
+            began_unix_us: self.folder.source().began_unix_us,
         };
+        let drawing = self.sketch.drawing(around).with_truth(&truth, summary.accuracy.map(|accuracy| accuracy.ate_m));
         if let Some(reason) = &summary.nothing_mapped {
-            return self.sketch.draw_reason(around, reason);
+            return drawing.reason(reason);
         }
-        self.sketch.draw_with_truth(around, &truth, summary.accuracy.map(|accuracy| accuracy.ate_m))
+        let (png, svg, rooms_m2) = (drawing.png()?, drawing.svg(), drawing.rooms_m2().collect());
+        summary.rooms_m2 = rooms_m2;
+        Ok((png, svg))
     }
 }
 

@@ -1,7 +1,9 @@
 //! What the picture shows of a run's poses, gathered as they come; it can be drawn at any time.
 
-use super::picture::{self, Scene, Stretch};
+use super::picture::{self, Drive, Scene, Stretch};
+use super::plan::Plan;
 use super::track::Track;
+use nalgebra::Matrix3;
 use slamd_core::{Estimate, LocalizationEvent, Point, Pose2, Raster, Ring, SensorState, Timestamp};
 use std::io;
 
@@ -12,6 +14,8 @@ pub struct Sketch {
     odometry: Track,
     map_from_odom: Option<Pose2>,
     pose: Pose2,
+    /// Standard deviation of the position, metres: at the newest pose, and the greatest.
+    sigma_m: Option<[f64; 2]>,
     /// The intervals whose poses were uncertain, in order.
     uncertain: Vec<(Timestamp, Timestamp)>,
     /// Since when poses are uncertain, while they are.
@@ -34,6 +38,78 @@ pub struct Surroundings<'a> {
     pub robot_name: &'a str,
     /// What is doubtful, one sentence each; they stand below the legend.
     pub doubts: &'a [String],
+    /// Unix time of the session's start, microseconds; none if unknown.
+    pub began_unix_us: Option<u64>,
+}
+
+/// The picture of a sketch: the map as a floor plan, and the path over it.
+pub struct Drawing<'a> {
+    around: Surroundings<'a>,
+    plan: Plan,
+    drive: Drive,
+    path: Vec<Stretch>,
+    path_m: f64,
+    odometry: Vec<Point>,
+    pose: Pose2,
+    truth: &'a [Point],
+    ate_m: Option<f64>,
+}
+
+impl<'a> Drawing<'a> {
+    /// Adds the true path in the map frame, and how far off ours is, metres.
+    pub(super) fn with_truth(self, truth: &'a [Point], ate_m: Option<f64>) -> Self {
+        Self { truth, ate_m, ..self }
+    }
+
+    /// The area of the rooms that walls close, square metres.
+    #[must_use]
+    pub fn floor_m2(&self) -> f64 {
+        self.plan.floor_m2()
+    }
+
+    /// The rooms, each with its free area in square metres, the largest first.
+    pub fn rooms_m2(&self) -> impl Iterator<Item = f64> + '_ {
+        self.plan.rooms.iter().map(|room| room.area_m2)
+    }
+
+    /// The picture as a PNG file, like `map.png`.
+    ///
+    /// # Errors
+    /// Where the picture is too large for the format.
+    pub fn png(&self) -> io::Result<Vec<u8>> {
+        picture::draw(&self.scene())
+    }
+
+    /// The picture as an SVG file, like `map.svg`.
+    #[must_use]
+    pub fn svg(&self) -> String {
+        picture::draw_svg(&self.scene())
+    }
+
+    /// Pictures without a map, with the reason in words: PNG and SVG.
+    pub(super) fn reason(&self, reason: &str) -> io::Result<(Vec<u8>, String)> {
+        let scene = self.scene();
+        Ok((picture::draw_reason(&scene, reason)?, picture::draw_reason_svg(&scene, reason)))
+    }
+
+    fn scene(&self) -> Scene<'_> {
+        let Surroundings { raster, ring, states, robot_name, doubts, .. } = self.around;
+        Scene {
+            raster,
+            plan: &self.plan,
+            drive: self.drive,
+            path: &self.path,
+            path_m: self.path_m,
+            odometry: &self.odometry,
+            truth: self.truth,
+            ate_m: self.ate_m,
+            pose: self.pose,
+            ring,
+            states,
+            robot_name,
+            doubts,
+        }
+    }
 }
 
 impl Sketch {
@@ -43,6 +119,9 @@ impl Sketch {
         self.path.push(estimate.at, estimate.pose.position());
         self.odometry.push(estimate.at, (map_from_odom * estimate.odometry).position());
         self.pose = estimate.pose;
+        let sigma_m = position_sigma_m(&estimate.covariance);
+        let greatest_m = self.sigma_m.map_or(sigma_m, |[_, greatest_m]| greatest_m.max(sigma_m));
+        self.sigma_m = Some([sigma_m, greatest_m]);
     }
 
     /// Forgets the path in a discarded map; poses that are uncertain now are so from here on.
@@ -70,7 +149,8 @@ impl Sketch {
     }
 
     /// The length of the whole path, metres.
-    pub(super) const fn path_m(&self) -> f64 {
+    #[must_use]
+    pub const fn path_m(&self) -> f64 {
         self.path.length_m()
     }
 
@@ -79,50 +159,27 @@ impl Sketch {
         self.path.last_at()
     }
 
-    /// The picture as a PNG file, like `map.png`.
-    ///
-    /// # Errors
-    /// Where the picture is too large for the format.
-    pub fn draw(&self, around: Surroundings<'_>) -> io::Result<Vec<u8>> {
-        self.draw_with_truth(around, &[], None)
+    /// The picture of everything so far.
+    #[must_use]
+    pub fn drawing<'a>(&self, around: Surroundings<'a>) -> Drawing<'a> {
+        let path = self.stretches();
+        // Where the pose was uncertain, the robot may have been elsewhere.
+        let certain = path.iter().filter(|stretch| !stretch.is_uncertain).map(|stretch| stretch.points.as_slice());
+        let plan = Plan::new(around.raster, certain);
+        let drive = Drive {
+            began_unix_us: around.began_unix_us,
+            duration_s: self.last_at().map_or(0.0, Timestamp::seconds),
+            sigma_m: self.sigma_m,
+            uncertain_s: self.uncertain_s(),
+        };
+        let (path_m, odometry, pose) = (self.path_m(), self.odometry.points(), self.pose);
+        Drawing { around, plan, drive, path, path_m, odometry, pose, truth: &[], ate_m: None }
     }
 
-    /// The same with the true path in the map frame, and how far off ours is, metres; empty and none where it is unknown.
-    pub(super) fn draw_with_truth(
-        &self,
-        around: Surroundings<'_>,
-        truth: &[Point],
-        ate_m: Option<f64>,
-    ) -> io::Result<Vec<u8>> {
-        picture::draw(&self.scene(around, &self.stretches(), &self.odometry.points(), truth, ate_m))
-    }
-
-    /// A picture without a map, with the reason in words.
-    pub(super) fn draw_reason(&self, around: Surroundings<'_>, reason: &str) -> io::Result<Vec<u8>> {
-        picture::draw_reason(&self.scene(around, &[], &[], &[], None), reason)
-    }
-
-    fn scene<'a>(
-        &self,
-        around: Surroundings<'a>,
-        path: &'a [Stretch],
-        odometry: &'a [Point],
-        truth: &'a [Point],
-        ate_m: Option<f64>,
-    ) -> Scene<'a> {
-        Scene {
-            raster: around.raster,
-            path,
-            path_m: self.path_m(),
-            odometry,
-            truth,
-            ate_m,
-            pose: self.pose,
-            ring: around.ring,
-            states: around.states,
-            robot_name: around.robot_name,
-            doubts: around.doubts,
-        }
+    /// Seconds of uncertain poses.
+    fn uncertain_s(&self) -> f64 {
+        let open = self.uncertain_since.zip(self.last_at()).filter(|(since, last)| last > since);
+        self.uncertain.iter().copied().chain(open).map(|(since, end)| end.seconds_since(since)).sum()
     }
 
     /// The path, cut where it becomes uncertain or certain. Neighbours share a point; the step between them is uncertain.
@@ -153,10 +210,16 @@ impl Sketch {
     }
 }
 
+/// Standard deviation of x and y along their least certain direction, metres: the root of the covariance's greater eigenvalue.
+fn position_sigma_m(covariance: &Matrix3<f64>) -> f64 {
+    let [xx, yy, xy] = [covariance[(0, 0)], covariance[(1, 1)], covariance[(0, 1)]];
+    let (mean, half) = (0.5 * (xx + yy), 0.5 * (xx - yy));
+    (mean + (half * half + xy * xy).sqrt()).max(0.0).sqrt()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::Matrix3;
     use slamd_core::LocalizationChange;
 
     #[test]

@@ -47,6 +47,8 @@ pub struct Summary {
     pub latency: Option<Latency>,
     /// Square metres of the map of which something is known.
     pub map_m2: f64,
+    /// Free square metres of each room, the largest first: areas that walls close and that the robot was in.
+    pub rooms_m2: Vec<f64>,
     /// SHA-256 of `trajectory.tum`.
     pub trajectory_sha256: String,
     /// SHA-256 of `map.pgm`.
@@ -154,6 +156,7 @@ impl Summary {
             p99_us_per_sweep: None,
             latency: None,
             map_m2: 0.0,
+            rooms_m2: Vec::new(),
             trajectory_sha256: String::new(),
             map_sha256: String::new(),
             calibration: None,

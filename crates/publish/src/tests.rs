@@ -1,6 +1,6 @@
 use super::*;
 use nalgebra::Matrix3;
-use slamd_core::{Estimate, FaultEvent, FaultKind, Point};
+use slamd_core::{Estimate, FaultEvent, FaultKind, ModelAspect, ModelEvent, ModelFinding, ModelState, Point};
 use std::fs;
 
 /// A flat of three rooms with a path, an odometry that drifts off, and the truth.
@@ -68,8 +68,7 @@ fn a_run_leaves_whole_files_and_a_summary() {
     let mut names: Vec<_> =
         fs::read_dir(&out).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
-    let expected =
-        "config.toml faults.csv lock.csv map.pgm map.png map.yaml odometry.tum summary.json trajectory.tum truth.tum";
+    let expected = "config.toml faults.csv lock.csv map.pgm map.png map.svg map.yaml odometry.tum summary.json trajectory.tum truth.tum";
     assert_eq!(names.join(" "), expected);
     let trajectory = fs::read_to_string(out.join("trajectory.tum")).unwrap();
     assert_eq!(trajectory.lines().count(), 600);
@@ -87,6 +86,50 @@ fn a_run_leaves_whole_files_and_a_summary() {
         summary.faults.unwrap().fault_recall.unwrap() > 0.8 && summary.faults.unwrap().fault_precision.unwrap() < 0.7
     );
     assert!((summary.p99_us_per_sweep.unwrap() - 49.0).abs() < 0.1);
+}
+
+#[test]
+fn the_plan_has_rooms_measures_and_what_is_doubtful() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut outputs = Outputs::create(folder.path()).unwrap();
+    let at = Timestamp::default();
+    for step in 0..40u32 {
+        let pose = Pose2::new(-1.5 + 0.1 * f64::from(step), 0.5, 0.0);
+        let covariance = Matrix3::identity() * 4e-4;
+        let at = Timestamp::from_us(u64::from(step) * 1_000_000);
+        outputs.event(&Event::Estimate(Estimate { at, sweep: 1, pose, covariance, odometry: pose, nis: 1.0 }));
+    }
+    let finding = ModelFinding {
+        aspect: ModelAspect::TurnSign,
+        measured: -1.0,
+        sigma: 0.0,
+        clause: "the wheels turn the other way".into(),
+        remedies: vec![("ring.mirrored", "true".into())],
+    };
+    outputs.event(&Event::Model(ModelEvent { at, since: at, finding, state: ModelState::Doubted }));
+    let state = FinalState {
+        config: &Config::default(),
+        raster: &flat(),
+        ring: &Ring::circle(8, 0.15, 0.218, 4),
+        states: &[],
+        counters: Counters { frames: 2403, groups: 2400, sweeps: 600, ..Counters::default() },
+        calibration: None,
+        walls: 4,
+        waiting: None,
+        ended: Timestamp::from_us(40_000_000),
+    };
+    let summary = outputs.finish(&state).unwrap();
+    // 7.4 m x 4.8 m without the wall in the middle, whose passage of 1.4 m is no door, a pillar, and what is behind it.
+    assert!(matches!(summary.rooms_m2[..], [m2] if (30.0..35.5).contains(&m2)), "{:?}", summary.rooms_m2);
+    let svg = fs::read_to_string(folder.path().join("map.svg")).unwrap();
+    for words in
+        ["the wheels turn the other way", " m2 in 1 room", "position +- 2 cm, at worst 2 cm", "39 s, date unknown"]
+    {
+        assert!(svg.contains(words), "no {words:?} in the plan");
+    }
+    let lengths: Vec<f64> =
+        svg.split('>').filter_map(|text| text.strip_suffix(" m</text")?.parse().ok()).filter(|m| *m > 1.0).collect();
+    assert!(lengths.iter().any(|m| (1.7..2.0).contains(m)), "the upper half of the wall in the middle: {lengths:?}");
 }
 
 #[test]

@@ -87,12 +87,27 @@ pub struct Device {
     boots_at: Option<Duration>,
     encoder: FrameEncoder,
     random: Random,
+    /// A print that its firmware sends between frames.
+    print: &'static [u8],
 }
 
 impl Device {
     pub fn new(board: Board, seed: u64) -> Self {
         let random = Random::new(seed, Stream::Link);
-        Self { board, baud: 115_200, ran: Duration::ZERO, boots_at: None, encoder: FrameEncoder::new(), random }
+        Self {
+            board,
+            baud: 115_200,
+            ran: Duration::ZERO,
+            boots_at: None,
+            encoder: FrameEncoder::new(),
+            random,
+            print: b"",
+        }
+    }
+
+    /// The board's firmware prints this text three times a second, between frames.
+    pub fn with_text(self, print: &'static [u8]) -> Self {
+        Self { print, ..self }
     }
 
     pub fn at_baud(self, baud: u32) -> Self {
@@ -133,6 +148,9 @@ impl Device {
                     simulation.restart_board();
                 }
             }
+        }
+        if has_passed(Duration::from_millis(300)) {
+            bytes.extend(self.print);
         }
         bytes
     }

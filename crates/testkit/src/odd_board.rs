@@ -41,6 +41,10 @@ pub enum Oddity {
     Crosstalk,
     /// Counts wrap at 16 bits.
     Wraps,
+    /// The same, from −32,768 to 32,767.
+    WrapsSigned,
+    /// A group fires every quarter of a second: one sweep takes a second.
+    SlowSlots,
     /// Counts begin again at zero after ten seconds.
     StartsAnew,
     /// One count in a hundred is zero.
@@ -152,7 +156,7 @@ impl OddBoard {
         }
         let Some(since_us) = self.since_us else { return };
         let firing_us = self.now_us - since_us;
-        if firing_us > 0 && firing_us.is_multiple_of(SLOT_US) {
+        if firing_us > 0 && firing_us.is_multiple_of(self.slot_us()) {
             self.sonar();
         }
         if self.now_us.is_multiple_of(20_000) {
@@ -215,6 +219,10 @@ impl OddBoard {
         self.out.extend_from_slice(&encode_frame(kind::GEOMETRY, 0, &payload));
     }
 
+    fn slot_us(&self) -> u64 {
+        if self.oddity == Oddity::SlowSlots { 10 * SLOT_US } else { SLOT_US }
+    }
+
     fn clock_us(&self) -> u32 {
         u32::try_from(BOOT_US + self.now_us).expect("a test shorter than an hour")
     }
@@ -242,6 +250,7 @@ impl OddBoard {
         let ticks = self.true_ticks(before_us) as i32;
         match self.oddity {
             Oddity::Wraps => [ticks & 0xFFFF; 2],
+            Oddity::WrapsSigned => [i32::from(ticks as i16); 2],
             Oddity::StartsAnew if self.now_us - before_us >= 10_000_000 => [ticks - (8 * TICKS_PER_S) as i32; 2],
             Oddity::Zeros if self.counted.is_multiple_of(100) => [0, ticks],
             Oddity::Scale(scale) => [scale * ticks; 2],
@@ -258,7 +267,8 @@ impl OddBoard {
     }
 
     fn sonar(&mut self) {
-        let (group, [left_ticks, right_ticks]) = (self.group, self.ticks(SLOT_US));
+        let slot_us = self.slot_us();
+        let (group, [left_ticks, right_ticks]) = (self.group, self.ticks(slot_us));
         let next = (group + 1) % GROUPS;
         let is_fired =
             |sensor: &u8| sensor % GROUPS == group || self.oddity == Oddity::Overlap && sensor % GROUPS == next;
@@ -268,7 +278,7 @@ impl OddBoard {
             SensorEcho { sensor, echo: Echo::Flight { us } }
         });
         let sonar = Sonar {
-            t_us: self.stamp(SLOT_US),
+            t_us: self.stamp(slot_us),
             group,
             last_of_cycle: next == 0,
             left_ticks,

@@ -1,9 +1,11 @@
 //! Keeps the log's last lines for the screen.
 
+use crate::monitor::clock;
+use slamd_core::Timestamp;
 use std::collections::VecDeque;
 use std::io::{self, Write};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Instant;
 use tracing_subscriber::fmt::format::Writer;
 use tracing_subscriber::fmt::time::FormatTime;
 use tracing_subscriber::layer::SubscriberExt as _;
@@ -13,6 +15,18 @@ use tracing_subscriber::util::SubscriberInitExt as _;
 #[derive(Clone, Default)]
 pub(super) struct Log {
     lines: Arc<Mutex<VecDeque<String>>>,
+    clock: Clock,
+}
+
+/// The session's time in microseconds, which the title shows too; clones share it.
+#[derive(Clone, Default)]
+pub(super) struct Clock(Arc<AtomicU64>);
+
+impl Clock {
+    /// The session is at this time now.
+    pub(super) fn set(&self, now: Timestamp) {
+        self.0.store(now.us(), Ordering::Relaxed);
+    }
 }
 
 /// More rows than a screen has.
@@ -22,7 +36,6 @@ const MAX_LINE_BYTES: usize = 1_000;
 
 impl Log {
     /// Receives everything that is logged from now on.
-    #[expect(clippy::disallowed_methods, reason = "log lines carry their time")]
     pub(super) fn begin() -> Self {
         let log = Self::default();
         let writer = log.clone();
@@ -30,11 +43,16 @@ impl Log {
             .with_writer(move || writer.clone())
             .with_ansi(false)
             .with_target(false)
-            .with_timer(Uptime(Instant::now()));
+            .with_timer(log.clock.clone());
         let (filter, warning) = crate::cli::log::filter();
         tracing_subscriber::registry().with(filter).with(lines).with(crate::cli::log::for_viewers()).init();
         warning.into_iter().for_each(|warning| tracing::warn!("{warning}"));
         log
+    }
+
+    /// The clock of its lines.
+    pub(super) fn clock(&self) -> Clock {
+        self.clock.clone()
     }
 
     /// The lines, oldest first.
@@ -59,12 +77,9 @@ impl Write for Log {
     }
 }
 
-/// Seconds since the program began: shorter than a date.
-struct Uptime(Instant);
-
-impl FormatTime for Uptime {
+impl FormatTime for Clock {
     fn format_time(&self, writer: &mut Writer<'_>) -> std::fmt::Result {
-        write!(writer, "{:.1}", self.0.elapsed().as_secs_f64())
+        write!(writer, "{}", clock(Timestamp::from_us(self.0.load(Ordering::Relaxed))))
     }
 }
 

@@ -76,8 +76,9 @@ impl MonitorArgs {
 
     fn watch(&self, port: &PortName, log: Log, runtime: &Runtime, mut shutdown: Shutdown) -> Result<(), Failure> {
         let config = self.output.how.of_robot()?;
+        let clock = log.clock();
         let mut screen = self.screen(log, &shutdown)?;
-        let mut sampler = Sampler::new(&config, screen.slot());
+        let mut sampler = Sampler::new(&config, screen.slot(), clock);
         let end = self.live.drive(port, config, &self.output, (runtime, &mut shutdown), &mut |link, session| {
             sampler.sample(session, || Line::new(link.state(), link.cause().to_string()));
         });
@@ -102,8 +103,9 @@ impl MonitorArgs {
         let folder = self.output.out.as_deref();
         let outputs = replay::outputs(file, folder.unwrap_or_else(|| temporary.path()), &saves.guard)?;
         let (mut capture, mut session) = replay::open(file, &self.live.state, &self.output.how, outputs)?;
+        let clock = log.clock();
         let mut screen = self.screen(log, &shutdown)?;
-        let mut sampler = Sampler::new(session.config(), screen.slot());
+        let mut sampler = Sampler::new(session.config(), screen.slot(), clock);
         let play = play::play(&mut capture, &mut session, self.speed, &mut shutdown, &mut sampler, file);
         let result = runtime.block_on(play);
         let saver = saves.saver();

@@ -1,5 +1,6 @@
 //! Copies a session's state for the screen ten times a second.
 
+use super::log::Clock;
 use crate::monitor::{Dashboard, Line, Plan, RateMeter};
 use crate::source::session::Session;
 use slamd_core::{Config, Snapshot};
@@ -12,6 +13,7 @@ pub(super) type Slot = Arc<Mutex<Option<Dashboard>>>;
 /// Fills dashboards at a limited rate.
 pub(super) struct Sampler {
     slot: Slot,
+    clock: Clock,
     last: Dashboard,
     meter: RateMeter,
     sampled: Option<Instant>,
@@ -24,16 +26,19 @@ const PERIOD: Duration = Duration::from_millis(100);
 const MAP_PERIOD: Duration = Duration::from_secs(1);
 
 impl Sampler {
-    pub(super) fn new(config: &Config, slot: Slot) -> Self {
+    pub(super) fn new(config: &Config, slot: Slot, clock: Clock) -> Self {
         let session = Snapshot { robot: config.robot.name.clone(), ..Snapshot::default() };
         let last = Dashboard { session, max_range_m: config.ring.max_range_m, ..Dashboard::default() };
-        Self { slot, last, meter: RateMeter::default(), sampled: None, mapped: None }
+        Self { slot, clock, last, meter: RateMeter::default(), sampled: None, mapped: None }
     }
 
     /// Fills a dashboard when one is due.
     #[expect(clippy::disallowed_methods, reason = "the screen is updated in real time")]
     pub(super) fn sample(&mut self, session: Option<&Session>, line: impl Fn() -> Line) {
         let now = Instant::now();
+        if let Some(session) = session {
+            self.clock.set(session.now());
+        }
         let line = line();
         let is_due = |last: Option<Instant>, every| last.is_none_or(|last| now.duration_since(last) >= every);
         if line.word == self.last.line.word && !is_due(self.sampled, PERIOD) {
@@ -59,6 +64,10 @@ impl Sampler {
 
     fn look(&mut self, session: &Session) {
         session.copy_to(&mut self.last.session);
+        self.last.waiting = session.pipeline().waiting();
+        if let Some(estimate) = &self.last.session.estimate {
+            self.last.track.push(estimate.pose.position());
+        }
         self.last.rates = self.meter.rates(self.last.session.at, self.last.session.counters);
     }
 }

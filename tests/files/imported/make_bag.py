@@ -1,15 +1,16 @@
-"""Writes a ring CSV as a ROS 2 bag, with PyPI's rosbags: make_bag.py CSV FOLDER mcap|sqlite3 joints|odometry TICKS_PER_TURN RADIUS_M BASE_M."""
+"""Writes a ring CSV as a ROS 2 bag, with PyPI's rosbags: make_bag.py CSV FOLDER mcap|sqlite3 joints|odometry|speeds TICKS_PER_TURN RADIUS_M BASE_M [file|message|storage]: the compression."""
 
 import csv
 import math
 import sys
 
 import numpy as np
-from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 source, folder, storage, wheels = sys.argv[1:5]
 ticks_per_turn, radius_m, base_m = (float(word) for word in sys.argv[5:8])
+compression = sys.argv[8] if len(sys.argv) > 8 else None
 store = get_typestore(Stores.ROS2_HUMBLE)
 types = store.types
 BEGAN_NS = 1_700_000_000_000_000_000
@@ -47,6 +48,16 @@ def joints(ns, ticks):
     )
 
 
+def speeds(ns, radians_per_second):
+    return types["sensor_msgs/msg/JointState"](
+        header=header(ns, ""),
+        name=["left_wheel_joint", "right_wheel_joint"],
+        position=np.zeros(0),
+        velocity=np.array(radians_per_second),
+        effort=np.zeros(0),
+    )
+
+
 def sonar(ns, sensor, text):
     range_m = {"": math.nan, "inf": math.inf}.get(text)
     return types["sensor_msgs/msg/Range"](
@@ -63,7 +74,10 @@ rows = list(csv.DictReader(open(source, newline="")))
 sensors = sum(name.startswith("r") and name[1:].isdigit() for name in rows[0])
 pose, before = (0.0, 0.0, 0.0), None
 plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
-with Writer(folder, version=9, storage_plugin=plugin) as bag:
+writer = Writer(folder, version=9, storage_plugin=plugin)
+if compression:
+    writer.set_compression(CompressionMode[compression.upper()], CompressionFormat.ZSTD)
+with writer as bag:
     add = lambda topic, name: bag.add_connection(topic, name, typestore=store)
     name = "nav_msgs/msg/Odometry" if wheels == "odometry" else "sensor_msgs/msg/JointState"
     wheel_topic = add("/odom" if wheels == "odometry" else "/joint_states", name)
@@ -73,6 +87,7 @@ with Writer(folder, version=9, storage_plugin=plugin) as bag:
     def write(topic, ns, message):
         bag.write(topic, ns + 2_000_000, store.serialize_cdr(message, topic.msgtype))
 
+    last = None
     for row in rows:
         ns = BEGAN_NS + round(float(row["t_s"]) * 1e9)
         ticks = [int(row["left_ticks"]), int(row["right_ticks"])]
@@ -88,7 +103,16 @@ with Writer(folder, version=9, storage_plugin=plugin) as bag:
             pose[1] + chord_m * math.sin(pose[2] + half),
             pose[2] + turn,
         )
-        write(wheel_topic, ns, odometry(ns, pose) if wheels == "odometry" else joints(ns, ticks))
+        if wheels == "speeds":
+            # One speed from just after the last row to this one.
+            times = (ns,) if last is None else (ns - 99_000_000, ns)
+            rolled = np.subtract(ticks, last or ticks)
+            last = ticks
+            spins = [2 * math.pi * count / ticks_per_turn / 0.1 for count in rolled]
+            for at in times:
+                write(wheel_topic, at, speeds(at, spins))
+        else:
+            write(wheel_topic, ns, odometry(ns, pose) if wheels == "odometry" else joints(ns, ticks))
         write(text_topic, ns, types["std_msgs/msg/String"](data="hello"))
         for sensor, topic in enumerate(sonars):
             write(topic, ns, sonar(ns, sensor, row[f"r{sensor}"]))

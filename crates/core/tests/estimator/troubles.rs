@@ -100,6 +100,9 @@ fn wheels_that_jump_are_bridged_and_named() {
     assert_named(&met, "wraps at 16 bits", 40);
     assert_rolled(&met, 40);
     assert_eq!(met.counters.refused_steps, 0);
+    let met = meet(Oddity::WrapsSigned, 40);
+    assert_named(&met, "wraps at 16 bits", 40);
+    assert_rolled(&met, 40);
     let met = meet(Oddity::StartsAnew, 20);
     assert_named(&met, "the counters start anew", 20);
     assert_rolled(&met, 20);
@@ -107,6 +110,13 @@ fn wheels_that_jump_are_bridged_and_named() {
     assert!(met.troubles.iter().all(|text| text.contains("and back")) && met.troubles.len() <= 5, "{:?}", met.troubles);
     assert!(met.counters.refused_steps > 10, "{:?}", met.counters);
     assert_rolled(&met, 40);
+}
+
+#[test]
+fn groups_that_fire_slowly_are_no_trouble() {
+    let met = meet(Oddity::SlowSlots, 60);
+    assert_eq!(met.troubles, Vec::<String>::new());
+    assert!(met.counters.sweeps > 50 && met.counters.dropped_sweeps == 0, "{:?}", met.counters);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The robot with its ring of beams: green where a sensor is used, red with a cross where it is not.
 
-use super::canvas::{Canvas, Ink, Pen, Pixel};
+use super::surface::{Ink, Pen, Pixel, Surface};
 use slamd_core::{Point, Pose2, Ring, SensorState};
 
 /// How the robot is drawn.
@@ -16,7 +16,7 @@ pub(super) struct RobotMark<'a> {
 
 impl RobotMark<'_> {
     /// Draws the robot at `centre`, looking along `heading_rad` counter-clockwise from the right.
-    pub(super) fn draw(&self, canvas: &mut Canvas, centre: Pixel, heading_rad: f64) {
+    pub(super) fn draw(&self, canvas: &mut dyn Surface, centre: Pixel, heading_rad: f64) {
         let outward = |bearing_rad: f64, distance_px: f64| {
             let (sin, cos) = libm::sincos(heading_rad + bearing_rad);
             (centre.0 + distance_px * cos, centre.1 - distance_px * sin)
@@ -28,9 +28,9 @@ impl RobotMark<'_> {
             let opening_rad = mounting.half_angle_rad.max(MIN_HALF_ANGLE_RAD);
             let edge = |part: f64| outward(bearing_rad + part * opening_rad, far_px);
             let cone = [outward(bearing_rad, self.body_px), edge(-0.8), edge(-0.4), edge(0.0), edge(0.4), edge(0.8)];
-            canvas.polygon(cone, if faulty { FAULTY_CONE } else { HEALTHY_CONE });
+            canvas.polygon(&cone, if faulty { FAULTY_CONE } else { HEALTHY_CONE });
             let pen = Pen::solid(if faulty { FAULTY } else { HEALTHY }, (0.03 * far_px).clamp(1.0, 2.0));
-            canvas.polyline([outward(bearing_rad, self.body_px), outward(bearing_rad, far_px)], pen);
+            canvas.polyline(&[outward(bearing_rad, self.body_px), outward(bearing_rad, far_px)], pen);
         }
         for (sensor, mounting) in self.ring.mountings.iter().enumerate() {
             if matches!(self.states.get(sensor), Some(SensorState::Faulty(_))) {
@@ -41,7 +41,7 @@ impl RobotMark<'_> {
         canvas.disc(centre, self.body_px, BODY);
         let nose =
             [outward(0.0, 0.72 * self.body_px), outward(2.4, 0.6 * self.body_px), outward(-2.4, 0.6 * self.body_px)];
-        canvas.polygon(nose, NOSE);
+        canvas.polygon(&nose, NOSE);
     }
 }
 

@@ -1,6 +1,9 @@
 use super::*;
 use slamd_core::FaultKind;
 
+/// No rooms.
+static PLAN: std::sync::LazyLock<Plan> = std::sync::LazyLock::new(Plan::default);
+
 #[test]
 fn an_empty_map_is_still_a_picture() {
     let (raster, ring) = (Raster::default(), Ring::default());
@@ -31,6 +34,8 @@ fn faulty_sensors_change_the_picture() {
 fn scene<'a>(raster: &'a Raster, ring: &'a Ring, states: &'a [SensorState], path: &'a [Stretch]) -> Scene<'a> {
     Scene {
         raster,
+        plan: &PLAN,
+        drive: Drive::default(),
         path,
         path_m: 0.0,
         odometry: &[],

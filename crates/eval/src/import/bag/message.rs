@@ -14,6 +14,8 @@ pub(super) enum Message {
     Odometry(Pose2),
     /// `sensor_msgs/JointState`: angles of named wheels, radians.
     Joints(Vec<(String, f64)>),
+    /// The same without angles: speeds of named wheels, radians per second.
+    Spins(Vec<(String, f64)>),
 }
 
 /// The types that are read.
@@ -89,7 +91,17 @@ fn joints(cdr: &mut Cdr<'_>) -> Option<Message> {
     let names: Vec<String> = (0..count).map(|_| cdr.text()).collect::<Option<_>>()?;
     let count = cdr.count(8)?;
     let angles: Vec<f64> = (0..count).map(|_| cdr.f64()).collect::<Option<_>>()?;
-    Some(Message::Joints(names.into_iter().zip(angles).filter(|(_, angle_rad)| angle_rad.is_finite()).collect()))
+    if angles.iter().any(|angle_rad| angle_rad.is_finite()) {
+        return Some(Message::Joints(named(names, angles)));
+    }
+    let count = cdr.count(8)?;
+    let spins: Vec<f64> = (0..count).map(|_| cdr.f64()).collect::<Option<_>>()?;
+    Some(Message::Spins(named(names, spins)))
+}
+
+/// The numbers that are known, with their names.
+fn named(names: Vec<String>, numbers: Vec<f64>) -> Vec<(String, f64)> {
+    names.into_iter().zip(numbers).filter(|(_, number)| number.is_finite()).collect()
 }
 
 #[cfg(test)]

@@ -64,6 +64,7 @@ pub fn read(path: &Path, config: &Config, options: &Options) -> Result<Drive, Im
     if has_scan && !sonars.is_empty() {
         found.remarks.push("the Range topics are used, LaserScan is left out".into());
     }
+    let mut turned = Turned::default();
     let mut rows = Vec::new();
     for entry in &bag.entries {
         let mut row =
@@ -81,8 +82,10 @@ pub fn read(path: &Path, config: &Config, options: &Options) -> Result<Drive, Im
                 row.readings = seen(&ring.mountings, &beams, ranges_m, config.ring.max_range_m);
             }
             Message::Odometry(pose) if wheels.takes(&entry.topic) => row.ticks = poses.at(*pose).map(Some),
-            Message::Joints(angles) => match wheels.angles(&entry.topic, angles) {
-                Some(angles_rad) => {
+            Message::Joints(named) | Message::Spins(named) => match wheels.both(&entry.topic, named) {
+                Some(both) => {
+                    let is_angle = matches!(entry.message, Message::Joints(_));
+                    let angles_rad = if is_angle { both } else { turned.at(entry.at_s, both) };
                     row.ticks = angles_rad
                         .map(|angle_rad| Some(super::counts::wrapped(angle_rad / TAU * f64::from(ticks_per_turn))));
                 }
@@ -96,10 +99,36 @@ pub fn read(path: &Path, config: &Config, options: &Options) -> Result<Drive, Im
     Drive::new(merged(rows), found, &file, config, options)
 }
 
+/// Speeds of both wheels, summed up to angles.
+#[derive(Default)]
+struct Turned {
+    last: Option<(f64, [f64; 2])>,
+    angles_rad: [f64; 2],
+}
+
+impl Turned {
+    /// The angles at this time, with the mean speed since the last message. Nothing turns over a pause or back in time.
+    fn at(&mut self, at_s: f64, spins: [f64; 2]) -> [f64; 2] {
+        if let Some((last_s, last)) = self.last {
+            let step_s = at_s - last_s;
+            if (0.0..=MAX_STEP_S).contains(&step_s) {
+                for (angle_rad, (from, to)) in self.angles_rad.iter_mut().zip(last.into_iter().zip(spins)) {
+                    *angle_rad += 0.5 * (from + to) * step_s;
+                }
+            }
+        }
+        self.last = Some((at_s, spins));
+        self.angles_rad
+    }
+}
+
+/// Speeds that are farther apart say nothing of the time between them, seconds.
+const MAX_STEP_S: f64 = 1.0;
+
 /// Where the counts come from.
 enum Wheels {
-    /// A topic, and the names of the left and the right joint.
-    Joints(String, [String; 2]),
+    /// A topic, the names of the left and the right joint, and whether only their speeds are known.
+    Joints(String, [String; 2], bool),
     Odometry(String),
     None,
 }
@@ -107,13 +136,14 @@ enum Wheels {
 impl Wheels {
     fn find(bag: &Bag) -> Self {
         let joints = bag.entries.iter().find_map(|entry| {
-            let Message::Joints(angles) = &entry.message else { return None };
+            let (Message::Joints(joints) | Message::Spins(joints)) = &entry.message else { return None };
             let named = |word: &str| {
-                let mut names = angles.iter().map(|(name, _)| name).filter(|name| name.to_lowercase().contains(word));
+                let mut names = joints.iter().map(|(name, _)| name).filter(|name| name.to_lowercase().contains(word));
                 // Four wheels: the ones behind turn as those in front.
                 names.next().cloned()
             };
-            Some(Self::Joints(entry.topic.clone(), [named("left")?, named("right")?]))
+            let is_speed = matches!(entry.message, Message::Spins(_));
+            Some(Self::Joints(entry.topic.clone(), [named("left")?, named("right")?], is_speed))
         });
         let odometry: BTreeSet<&String> = bag
             .entries
@@ -127,7 +157,10 @@ impl Wheels {
 
     fn sentence(&self) -> String {
         match self {
-            Self::Joints(topic, [left, right]) => format!("counts from {topic}: joints {left} and {right}"),
+            Self::Joints(topic, [left, right], is_speed) => {
+                let how = if *is_speed { ", summed up from their speeds" } else { "" };
+                format!("counts from {topic}: joints {left} and {right}{how}")
+            }
             Self::Odometry(topic) => format!("counts from the poses of {topic}"),
             Self::None => "no counts".into(),
         }
@@ -137,10 +170,11 @@ impl Wheels {
         matches!(self, Self::Odometry(own) if own == topic)
     }
 
-    fn angles(&self, topic: &str, angles: &[(String, f64)]) -> Option<[f64; 2]> {
-        let Self::Joints(own, [left, right]) = self else { return None };
-        let angle = |wanted: &String| angles.iter().find(|(name, _)| name == wanted).map(|(_, angle_rad)| *angle_rad);
-        if own == topic { Some([angle(left)?, angle(right)?]) } else { None }
+    /// The numbers of the left and the right joint.
+    fn both(&self, topic: &str, named: &[(String, f64)]) -> Option<[f64; 2]> {
+        let Self::Joints(own, [left, right], _) = self else { return None };
+        let number = |wanted: &String| named.iter().find(|(name, _)| name == wanted).map(|(_, number)| *number);
+        if own == topic { Some([number(left)?, number(right)?]) } else { None }
     }
 }
 
@@ -230,6 +264,16 @@ mod tests {
         names.sort();
         let names: Vec<String> = names.iter().map(ToString::to_string).collect();
         assert_eq!(names, ["/front", "/sonar9", "/sonar9/range", "/sonar10", "/sonar10a"]);
+    }
+
+    #[test]
+    fn speeds_are_summed_up_but_not_over_pauses() {
+        let mut turned = Turned::default();
+        let both = |turned: &mut Turned, at_s, spin| turned.at(at_s, [spin, -spin]);
+        assert_eq!(both(&mut turned, 10.0, 2.0), [0.0, 0.0]);
+        assert_eq!(both(&mut turned, 10.5, 4.0), [1.5, -1.5]);
+        assert_eq!(both(&mut turned, 20.0, 4.0), [1.5, -1.5], "a pause");
+        assert_eq!(both(&mut turned, 19.9, 4.0), [1.5, -1.5], "back in time");
     }
 
     #[test]

@@ -6,6 +6,7 @@ use super::sqlite::{Database, Value};
 use mcap::records::Record;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use std::collections::{BTreeMap, BTreeSet};
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 /// A message of a bag.
@@ -33,6 +34,10 @@ pub(super) struct Bag {
 
 /// Larger files are refused, bytes.
 const MAX_BYTES: u64 = 4 << 30;
+/// A larger message is not unpacked, bytes.
+const MAX_MESSAGE_BYTES: u64 = 64 << 20;
+/// How zstd's files and messages begin.
+const ZSTD: &[u8] = b"\x28\xb5\x2f\xfd";
 
 impl Bag {
     /// Reads a file or a folder.
@@ -53,22 +58,27 @@ impl Bag {
         if std::fs::metadata(path).map_err(io)?.len() > MAX_BYTES {
             return Err(problem(path, "more than 4 GiB: split the bag, or keep the topics that are needed"));
         }
-        let bytes = std::fs::read(path).map_err(io)?;
+        let mut bytes = std::fs::read(path).map_err(io)?;
+        if bytes.starts_with(ZSTD) {
+            bytes = unpacked(&bytes, MAX_BYTES).ok_or_else(|| {
+                problem(path, "compressed with zstd, but damaged, cut off, or more than 4 GiB: unpack it with `unzstd`")
+            })?;
+        }
         if bytes.starts_with(mcap::MAGIC) {
             self.mcap(&bytes, path)
         } else if bytes.starts_with(b"SQLite format 3\0") {
             self.sqlite(&bytes, path)
         } else if bytes.starts_with(b"#ROSBAG V") {
             Err(problem(path, "a ROS 1 bag: convert it with `rosbags-convert --src FILE --dst FOLDER`"))
-        } else if bytes.starts_with(b"\x28\xb5\x2f\xfd") {
-            Err(problem(path, "compressed with zstd: unpack it with `unzstd`"))
         } else {
             Err(problem(path, "no ROS 2 bag: it is neither MCAP nor SQLite"))
         }
     }
 
     fn take(&mut self, topic: &str, kind: Kind, logged_s: f64, data: &[u8], path: &Path) -> Result<(), ImportError> {
-        let Some((stamp_s, message)) = kind.read(data) else {
+        // A bag whose messages are compressed one by one.
+        let unpacked = if data.starts_with(ZSTD) { unpacked(data, MAX_MESSAGE_BYTES) } else { None };
+        let Some((stamp_s, message)) = kind.read(unpacked.as_deref().unwrap_or(data)) else {
             let number = self.messages;
             return Err(problem(
                 path,
@@ -179,7 +189,8 @@ fn files(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
     let mut files = Vec::new();
     for entry in std::fs::read_dir(path).map_err(io)? {
         let file = entry.map_err(io)?.path();
-        let is_bag = file.extension().is_some_and(|extension| extension == "mcap" || extension == "db3");
+        let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let is_bag = [".mcap", ".db3"].iter().any(|end| name.trim_end_matches(".zstd").ends_with(end));
         if is_bag {
             files.push(file);
         }
@@ -189,6 +200,14 @@ fn files(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
         return Err(problem(path, "a folder without *.mcap or *.db3: name a ROS 2 bag"));
     }
     Ok(files)
+}
+
+/// The content of what zstd has compressed; none if it is damaged or larger than `most` bytes.
+fn unpacked(bytes: &[u8], most: u64) -> Option<Vec<u8>> {
+    let mut unpacked = Vec::new();
+    let mut reader = zstd::stream::read::Decoder::new(bytes).ok()?.take(most + 1);
+    reader.read_to_end(&mut unpacked).ok()?;
+    (unpacked.len() as u64 <= most).then_some(unpacked)
 }
 
 fn problem(path: &Path, problem: &str) -> ImportError {
