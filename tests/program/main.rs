@@ -11,5 +11,6 @@ mod monitor_terminal;
 mod package;
 mod service;
 mod setup;
+mod startup;
 mod systemd;
 mod udev;
