@@ -1,11 +1,18 @@
-//! The log: its format and its filter.
+//! The log: its format, its filter and its limits.
+
+mod limit;
+mod writer;
 
 use super::{Failure, terminal};
-use std::io::IsTerminal as _;
+use limit::{Limiter, Sums};
+use std::io::{IsTerminal as _, Write as _};
+use std::sync::OnceLock;
 use tracing::Level;
 use tracing_subscriber::filter::Targets;
+use tracing_subscriber::fmt::writer::BoxMakeWriter;
 use tracing_subscriber::layer::SubscriberExt as _;
 use tracing_subscriber::util::SubscriberInitExt as _;
+use writer::LogWriter;
 
 /// Format of the log's lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -16,19 +23,36 @@ pub(super) enum Format {
     Json,
 }
 
-/// Starts the log on standard error.
-pub(super) fn begin(format: Format, level: Option<Level>) {
+/// The log of a live session.
+struct LiveLog {
+    writer: LogWriter,
+    sums: Sums,
+}
+
+static LIVE: OnceLock<LiveLog> = OnceLock::new();
+
+/// Starts the log on standard error. That of a live session blocks nothing and sums up what repeats; that of other commands is complete.
+pub(super) fn begin(format: Format, level: Option<Level>, is_live: bool) {
+    let writer = is_live.then(LogWriter::to_stderr).flatten();
+    let limiter = writer.is_some().then(Limiter::begin);
+    let to = || match &writer {
+        Some(writer) => BoxMakeWriter::new(writer.clone()),
+        None => BoxMakeWriter::new(std::io::stderr),
+    };
     let text = (format == Format::Text).then(|| {
         let is_terminal = std::io::stderr().is_terminal();
-        tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_ansi(is_terminal).with_target(false)
+        tracing_subscriber::fmt::layer().with_writer(to()).with_ansi(is_terminal).with_target(false)
     });
-    let json = (format == Format::Json)
-        .then(|| tracing_subscriber::fmt::layer().json().flatten_event(true).with_writer(std::io::stderr));
+    let json =
+        (format == Format::Json).then(|| tracing_subscriber::fmt::layer().json().flatten_event(true).with_writer(to()));
+    if let (Some(writer), Some(limiter)) = (&writer, &limiter) {
+        let _ = LIVE.set(LiveLog { writer: writer.clone(), sums: limiter.sums() });
+    }
     let (filter, warning) = match level {
         Some(level) => (of_level(level), None),
         None => filter(),
     };
-    tracing_subscriber::registry().with(filter).with(text).with(json).with(for_viewers()).init();
+    tracing_subscriber::registry().with(filter).with(limiter).with(text).with(json).with(for_viewers()).init();
     warning.into_iter().for_each(|warning| tracing::warn!("{warning}"));
     if format == Format::Json {
         std::panic::set_hook(Box::new(|panic| tracing::error!(target: END_TARGET, "{panic}")));
@@ -38,8 +62,22 @@ pub(super) fn begin(format: Format, level: Option<Level>) {
 /// Logs why the program ends.
 pub(super) fn end(format: Format, failure: &Failure) {
     match format {
-        Format::Text => eprintln!("slamd: {}", terminal::plain(failure)),
+        Format::Text => {
+            let line = format!("slamd: {}\n", terminal::plain(failure));
+            match LIVE.get() {
+                Some(live) => drop(live.writer.clone().write_all(line.as_bytes())),
+                None => eprint!("{line}"),
+            }
+        }
         Format::Json => tracing::error!(target: END_TARGET, exit_code = failure.kind as u8, "{failure}"),
+    }
+}
+
+/// Writes the rest of a live session's log, but does not wait long for a reader that hangs.
+pub(super) fn finish() {
+    if let Some(live) = LIVE.get() {
+        live.sums.finish();
+        live.writer.finish();
     }
 }
 
