@@ -132,7 +132,7 @@ impl Client {
             rest = next;
             if end.is_some() {
                 let line = std::mem::take(&mut self.line);
-                if is_http(&line) {
+                if self.is_known() && is_http(&line) {
                     return self.drop_with(at, End::Http, "this port speaks JSON lines, not HTTP");
                 }
                 self.request(at, parse(&line));

@@ -79,28 +79,55 @@ fn a_hung_reader_of_the_log_stops_neither_the_session_nor_its_end() {
     assert!(out.join("summary.json").exists(), "map and summary are written");
 }
 
-/// Sends LOG messages at the rate of a fast line.
-fn flood(path: &Path, end: &AtomicBool) {
+/// Sends what `next` makes at the rate of a fast line.
+fn flood(path: &Path, end: &AtomicBool, mut next: impl FnMut() -> Vec<u8>) {
     let mut terminal = Terminal::open();
     std::os::unix::fs::symlink(&terminal.path, path).unwrap();
-    let mut encoder = FrameEncoder::new();
-    let mut number = 0_u32;
     while !end.load(Ordering::Relaxed) {
-        let bytes: Vec<u8> = (0..20)
-            .flat_map(|_| {
-                number += 1;
-                encoder.encode(&Message::Log(Log { level: 1, text: Text::new(&format!("line {number}")) })).to_vec()
-            })
-            .collect();
         terminal.read();
-        if terminal.write(&bytes) > 0 {
+        if terminal.write(&next()) > 0 {
             std::thread::yield_now();
         }
     }
 }
 
-/// Lines and bytes that the program logs within `seconds` of its line with `words`.
-#[expect(clippy::disallowed_methods, reason = "the test measures in real time")]
+/// LOG messages.
+fn talk() -> impl FnMut() -> Vec<u8> + Send {
+    let (mut encoder, mut number) = (FrameEncoder::new(), 0_u32);
+    move || {
+        let mut message = || {
+            number += 1;
+            encoder.encode(&Message::Log(Log { level: 1, text: Text::new(&format!("line {number}")) })).to_vec()
+        };
+        (0..20).flat_map(|_| message()).collect()
+    }
+}
+
+/// Lines of text, delimiters and frames whose checksum is wrong.
+fn garbage() -> impl FnMut() -> Vec<u8> + Send {
+    let mut number = 0_u32;
+    move || {
+        number += 1;
+        let frame = [0, 9, 1, 2, 3, 4, 5, 6, 7, 8, 0];
+        [format!("Ping: {number} cm\r\n").as_bytes(), &frame, &number.to_le_bytes(), b"\0\xFF\0"].concat()
+    }
+}
+
+/// What is logged while a board floods the line.
+fn logged_under(next: impl FnMut() -> Vec<u8> + Send + 'static) -> Vec<String> {
+    let folder = tempfile::tempdir().unwrap();
+    let end = Arc::new(AtomicBool::new(false));
+    let board = {
+        let (path, end) = (folder.path().join("board"), Arc::clone(&end));
+        std::thread::spawn(move || flood(&path, &end, next))
+    };
+    let lines = logged(folder.path(), 15);
+    end.store(true, Ordering::Relaxed);
+    board.join().unwrap();
+    lines
+}
+
+/// The lines that the program logs within so many seconds.
 fn logged(folder: &Path, seconds: u64) -> Vec<String> {
     let mut command = Command::new(SLAMD);
     command.arg("--port").arg(folder.join("board")).arg("--out").arg(folder.join("out"));
@@ -116,15 +143,7 @@ fn logged(folder: &Path, seconds: u64) -> Vec<String> {
 
 #[test]
 fn a_board_that_talks_at_line_rate_writes_a_few_lines_that_say_how_many_there_were() {
-    let folder = tempfile::tempdir().unwrap();
-    let end = Arc::new(AtomicBool::new(false));
-    let board = {
-        let (path, end) = (folder.path().join("board"), Arc::clone(&end));
-        std::thread::spawn(move || flood(&path, &end))
-    };
-    let lines = logged(folder.path(), 15);
-    end.store(true, Ordering::Relaxed);
-    board.join().unwrap();
+    let lines = logged_under(talk());
     assert!(lines.len() < 100, "{} lines in 15 s", lines.len());
     let said = lines.iter().filter(|line| line.contains("board says: line")).count();
     assert!(said >= 30, "{lines:#?}");
@@ -134,6 +153,12 @@ fn a_board_that_talks_at_line_rate_writes_a_few_lines_that_say_how_many_there_we
         .map(|(number, _)| number.replace(',', "").parse().unwrap())
         .collect();
     assert!(more.iter().sum::<u64>() > 1_000, "{lines:#?}");
+}
+
+#[test]
+fn malformed_bytes_at_line_rate_write_a_few_lines() {
+    let lines = logged_under(garbage());
+    assert!((1..100).contains(&lines.len()), "{} lines in 15 s: {lines:#?}", lines.len());
 }
 
 #[test]
@@ -162,7 +187,7 @@ fn wrong_tokens_write_a_few_lines() {
 }
 
 #[test]
-fn a_daemon_says_its_last_words() {
+fn the_reason_of_the_end_is_the_last_line() {
     let output = Command::new(SLAMD).args(["--port", "/dev/nowhere", "--exit-on-hangup"]).output().unwrap();
     let words = String::from_utf8(output.stderr).unwrap();
     assert!(
