@@ -138,6 +138,7 @@ fn a_removed_file_is_told_within_a_second_and_another_is_begun() {
 }
 
 #[test]
+#[expect(clippy::disallowed_methods, reason = "the recorder's thread needs time")]
 fn a_folder_that_is_removed_is_told_at_once_and_its_return_continues_the_recording() {
     let parent = tempfile::tempdir().unwrap();
     let folder = parent.path().join("records");

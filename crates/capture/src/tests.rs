@@ -101,6 +101,12 @@ fn a_file_cut_at_any_byte_of_its_last_64_kib_keeps_every_chunk_closed_before_the
     }
 }
 
+/// Where each chunk begins.
+fn starts(file: &[u8]) -> Vec<usize> {
+    let chunks = mcap::Summary::read(file).unwrap().unwrap().chunk_indexes;
+    chunks.iter().map(|chunk| chunk.chunk_start_offset.try_into().unwrap()).collect()
+}
+
 /// True if `held` is `all` but for some records in one piece; how many.
 fn missing(all: &[Record], held: &[Record]) -> Option<usize> {
     let front = all.iter().zip(held).take_while(|(all, held)| all == held).count();
@@ -116,7 +122,7 @@ fn a_damaged_byte_costs_its_chunk_alone_and_never_panics_or_invents_bytes() {
     write(&path, &all);
     let file = fs::read(&path).unwrap();
     // The description and the topics come first.
-    let first = mcap::Summary::read(&file).unwrap().unwrap().chunk_indexes[0].chunk_start_offset as usize;
+    let first = starts(&file)[0];
     for position in 8..file.len() {
         for bit in 0..8 {
             let mut damaged = file.clone();
@@ -140,12 +146,12 @@ fn each_damage_is_counted_and_all_that_is_sound_is_read() {
     let all = records(600);
     write(&path, &all);
     let mut file = fs::read(&path).unwrap();
-    let chunks = mcap::Summary::read(&file).unwrap().unwrap().chunk_indexes;
+    let chunks = starts(&file);
     // A checksum, a length that swallows the rest, a page of zeros, and an end that is cut.
-    file[chunks[10].chunk_start_offset as usize + 60] ^= 1;
-    file[chunks[50].chunk_start_offset as usize + 4] ^= 1;
-    file[chunks[90].chunk_start_offset as usize..][..100].fill(0);
-    file.truncate(chunks[150].chunk_start_offset as usize + 20);
+    file[chunks[10] + 60] ^= 1;
+    file[chunks[50] + 4] ^= 1;
+    file[chunks[90]..][..100].fill(0);
+    file.truncate(chunks[150] + 20);
     let mut reader = CaptureReader::begin(file.as_slice(), &path).unwrap();
     let held: Vec<Record> = reader.by_ref().map(Result::unwrap).collect();
     // The first chunk has the topics; each other one has three records.
