@@ -7,6 +7,8 @@ use crate::source::checkpoints::Checkpoints;
 use crate::source::live::LiveSession;
 use crate::source::session::Session;
 use bytes::Bytes;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::flag::register_conditional_shutdown;
 use slamd_core::{
     Timestamp,
     link::{Link, LinkState, Remedy},
@@ -14,6 +16,7 @@ use slamd_core::{
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::pin::Pin;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::task::{Context, Poll, ready};
 use std::time::{Duration, Instant};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
@@ -74,6 +77,8 @@ pub struct Shutdown {
     terminate: Signal,
     /// None under `nohup`.
     hangup: Option<Signal>,
+    /// While it is set, a signal ends the program at once.
+    at_once: Arc<AtomicBool>,
     end: Option<tokio::time::Instant>,
 }
 
@@ -83,13 +88,23 @@ impl Shutdown {
     /// # Errors
     /// When signal handlers cannot be installed.
     pub fn new(duration: Option<Duration>) -> Result<Self, DaemonError> {
+        let (at_once, hangs_up) = (Arc::new(AtomicBool::new(false)), !ignores_hangup());
+        for number in [SIGINT, SIGTERM].into_iter().chain(hangs_up.then_some(SIGHUP)) {
+            register_conditional_shutdown(number, 128 + number, Arc::clone(&at_once)).map_err(DaemonError)?;
+        }
         Ok(Self {
+            at_once,
             asked: Arc::default(),
             interrupt: signal(SignalKind::interrupt()).map_err(DaemonError)?,
             terminate: signal(SignalKind::terminate()).map_err(DaemonError)?,
-            hangup: (!ignores_hangup()).then(|| signal(SignalKind::hangup())).transpose().map_err(DaemonError)?,
+            hangup: hangs_up.then(|| signal(SignalKind::hangup())).transpose().map_err(DaemonError)?,
             end: duration.map(|duration| tokio::time::Instant::now() + duration),
         })
+    }
+
+    /// Whether a signal ends the program at once, as while files are read at the beginning and nothing would be lost.
+    pub fn at_once(&self, is_at_once: bool) {
+        self.at_once.store(is_at_once, Ordering::Relaxed);
     }
 
     /// Notify this from any thread to end the session.
@@ -207,8 +222,8 @@ pub async fn search(
         });
         let error = match opened {
             Ok(opened) => return Ok(Some(opened)),
-            Err(error) if options.exit_on_hangup => return Err(error),
-            Err(error) => error,
+            Err(error) if options.exit_on_hangup => return Err(error.or_shortage()),
+            Err(error) => error.or_shortage(),
         };
         link.closed(now(), error.to_string());
         log_changes(link);

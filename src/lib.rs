@@ -18,6 +18,8 @@ pub mod source;
 pub mod api;
 pub mod cli;
 pub mod daemon;
+mod descriptors;
+mod log_counts;
 pub mod monitor;
 #[cfg(feature = "mqtt")]
 pub mod mqtt;

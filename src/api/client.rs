@@ -1,11 +1,11 @@
 //! The state machine of one client: bytes and times go in, lines come out. It has no socket and no clock.
 
-use super::report::Report;
+use super::report::{DeviceState, Report};
 use super::request::{MAX_LINE_BYTES, Request, RequestError, Watch, parse};
 use super::send_queue::SendQueue;
 use super::token::Token;
 use bytes::Bytes;
-use slamd_core::{FaultEvent, ModelEvent, ModelState, SensorState, Snapshot, Timestamp, link::LinkState};
+use slamd_core::{FaultEvent, ModelEvent, ModelState, SensorState, Snapshot, Timestamp};
 use std::time::Duration;
 
 /// Why a connection is closed.
@@ -19,6 +19,10 @@ pub enum End {
     LineTooLong,
     /// The client did not send the token.
     Unauthorized,
+    /// The client is a browser: a page may have been made to speak to this port.
+    Http,
+    /// There are too many clients.
+    Refused,
     /// The client closed its side and has received every answer.
     Done,
 }
@@ -50,27 +54,6 @@ pub struct Client {
     is_closing: bool,
     send_queue: SendQueue,
     end: Option<(End, Timestamp)>,
-}
-
-/// What a `DEVICE` report depends on: link state and cause, the board's protocol, the number of sensors. A change is reported.
-#[derive(Clone, Debug, PartialEq, Eq)]
-struct DeviceState {
-    link: LinkState,
-    cause: String,
-    protocol: Option<(u8, u8)>,
-    sensors: usize,
-}
-
-impl DeviceState {
-    fn is_state_of(&self, snapshot: &Snapshot) -> bool {
-        (self.link, &self.cause, self.protocol, self.sensors)
-            == (snapshot.link, &snapshot.cause, snapshot.protocol, snapshot.ring.len())
-    }
-
-    fn new(snapshot: &Snapshot) -> Self {
-        let (cause, sensors) = (snapshot.cause.clone(), snapshot.ring.len());
-        Self { link: snapshot.link, cause, protocol: snapshot.protocol, sensors }
-    }
 }
 
 /// When the next report of each class is due.
@@ -149,6 +132,9 @@ impl Client {
             rest = next;
             if end.is_some() {
                 let line = std::mem::take(&mut self.line);
+                if self.is_known() && is_http(&line) {
+                    return self.drop_with(at, End::Http, "this port speaks JSON lines, not HTTP");
+                }
                 self.request(at, parse(&line));
             }
         }
@@ -258,6 +244,17 @@ impl Client {
     #[must_use]
     pub fn is_watching(&self) -> bool {
         self.watch.is_some() && self.end.is_none()
+    }
+
+    /// True once the client has sent the token, or if there is none.
+    #[must_use]
+    pub const fn is_known(&self) -> bool {
+        self.token.is_none()
+    }
+
+    /// There are too many clients.
+    pub fn refuse(&mut self, at: Timestamp, message: &str) {
+        self.drop_with(at, End::Refused, message);
     }
 
     /// The bytes to write next; empty if there are none.
@@ -379,6 +376,12 @@ impl Client {
         self.send_queue.push(at, Report::Error { message }.line());
         self.end = Some((end, at + CLOSE_TIMEOUT));
     }
+}
+
+/// True for the first line of an HTTP request.
+fn is_http(line: &[u8]) -> bool {
+    let line = line.strip_suffix(b"\r").unwrap_or(line);
+    line.ends_with(b" HTTP/1.1") || line.ends_with(b" HTTP/1.0") || line.ends_with(b" HTTP/2.0")
 }
 
 /// True if a report is due at this rate; then sets the next time. A report may come a quarter of a period early, because sweeps are not exactly

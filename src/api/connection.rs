@@ -2,7 +2,7 @@
 
 use super::client::{Client, End, Pending};
 use super::report::Report;
-use super::server::{Counted, ServerState};
+use super::server::{Counted, Place, ServerState, TOO_MANY};
 use super::token::Token;
 use std::io;
 use std::rc::Rc;
@@ -28,7 +28,7 @@ enum Wake {
 }
 
 /// Serves one client until it disconnects or is dropped.
-pub(super) async fn serve<S>(state: Rc<ServerState>, _counted: Counted, stream: S, peer: String, token: Option<Token>)
+pub(super) async fn serve<S>(state: Rc<ServerState>, mut place: Place, stream: S, peer: String, token: Option<Token>)
 where
     S: AsyncRead + AsyncWrite + Unpin,
 {
@@ -40,6 +40,9 @@ where
     loop {
         let now = state.now();
         client.tick(now);
+        if client.is_known() && client.end().is_none() && !place.take(&state) {
+            client.refuse(now, TOO_MANY);
+        }
         watching.set(client.is_watching());
         if let Some(end) = client.end()
             && !std::mem::replace(&mut is_logged, true)
@@ -71,6 +74,8 @@ where
             _ = snapshots.changed() => Wake::Snapshot,
             _ = maps.changed() => Wake::Map,
             () = sleep_until(deadline.into()) => Wake::Time,
+            // A newcomer takes the place of a stranger.
+            () = place.lost() => return,
         };
         let now = state.now();
         match wake {
@@ -101,8 +106,8 @@ where
 /// Sends the reason to a client that is refused.
 pub(super) async fn refuse<S: AsyncRead + AsyncWrite + Unpin>(_counted: Counted, stream: S) {
     let (mut reader, mut writer) = tokio::io::split(stream);
-    let message = "too many clients: 64 are connected; try again later";
-    let _ = timeout(DRAIN_TIMEOUT, writer.write_all(&Report::Error { message }.line())).await;
+    let message = Report::Error { message: TOO_MANY };
+    let _ = timeout(DRAIN_TIMEOUT, writer.write_all(&message.line())).await;
     close(&mut reader, &mut writer).await;
 }
 
@@ -116,9 +121,10 @@ async fn close(reader: &mut (impl AsyncRead + Unpin), writer: &mut (impl AsyncWr
 
 fn log_end(peer: &str, end: End) {
     match end {
-        End::Done => {}
+        End::Done | End::Refused => {}
         End::Slow => tracing::warn!("api: client {peer} dropped: too slow"),
         End::Idle => tracing::info!("api: client {peer} dropped: idle"),
+        End::Http => tracing::warn!("api: client {peer} dropped: it speaks HTTP"),
         End::LineTooLong => tracing::warn!("api: client {peer} dropped: line too long"),
         End::Unauthorized => tracing::warn!("api: client {peer} dropped: wrong or missing token"),
     }

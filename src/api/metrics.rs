@@ -1,5 +1,7 @@
 //! Counters and gauges in the text format of Prometheus (version 0.0.4).
 
+use crate::log_counts::{DROPPED, SUMMED_UP};
+use crate::recorder::DiskState;
 use slamd_core::{Snapshot, link::LinkState};
 use std::fmt::Write as _;
 
@@ -10,12 +12,14 @@ pub(super) struct Served {
     pub(super) clients: usize,
     /// Clients refused because there were too many.
     pub(super) refused: u64,
+    /// Connections closed for newcomers because they had sent neither a token nor a request.
+    pub(super) sent_away: u64,
     /// Clients dropped because they were too slow.
     pub(super) slow: u64,
 }
 
 /// The metrics page.
-pub(super) fn page(snapshot: &Snapshot, served: Served) -> String {
+pub(super) fn page(snapshot: &Snapshot, served: Served, disk: &DiskState) -> String {
     let mut page = String::new();
     let counted = &snapshot.counters;
     let counters = [
@@ -35,12 +39,11 @@ pub(super) fn page(snapshot: &Snapshot, served: Served) -> String {
         ("refused_steps", "Wheel steps that no wheel can roll, which are not used.", counted.refused_steps),
         ("refused_stamps", "Messages not used because the board's clock ran backwards.", counted.refused_stamps),
         ("stray_texts", "Damaged frames that hold readable text.", counted.stray_texts),
-        ("api_refused_clients", "Clients turned away because there were too many.", served.refused),
-        ("api_slow_clients", "Clients dropped because they were too slow.", served.slow),
     ];
     for (name, help, value) in counters {
         family(&mut page, &format!("{name}_total"), "counter", help, [(String::new(), value as f64)]);
     }
+    program(&mut page, served, disk);
     family(&mut page, "session_seconds", "gauge", "Session time.", [(String::new(), snapshot.at.seconds())]);
     family(&mut page, "api_clients", "gauge", "Clients that are connected.", [(String::new(), served.clients as f64)]);
     let state =
@@ -75,6 +78,32 @@ pub(super) fn page(snapshot: &Snapshot, served: Served) -> String {
         }
     }
     page
+}
+
+/// What concerns the program and not the drive: clients, disk, log.
+fn program(page: &mut String, served: Served, disk: &DiskState) {
+    let counters = [
+        ("api_refused_clients", "Clients turned away because there were too many.", served.refused),
+        ("api_sent_away", "Silent connections closed because newcomers needed their places.", served.sent_away),
+        ("api_slow_clients", "Clients dropped because they were too slow.", served.slow),
+        ("log_summed_up_lines", "Log lines summed up because their cause repeated.", SUMMED_UP.get()),
+        ("log_dropped_lines", "Log lines dropped because nobody read them.", DROPPED.get()),
+        ("recording_errors", "Failed attempts to write the recording.", disk.recording_errors),
+        (
+            "recording_lost_chunks",
+            "Pieces of traffic that are missing from the recording.",
+            disk.recording_lost + disk.recording_dropped,
+        ),
+        ("session_file_errors", "Failed saves of the session.", disk.session_errors),
+        ("output_errors", "Failed writes of map and trajectories.", disk.output_errors),
+    ];
+    for (name, help, value) in counters {
+        family(page, &format!("{name}_total"), "counter", help, [(String::new(), value as f64)]);
+    }
+    let waiting = disk.recording_waiting_bytes as f64;
+    family(page, "recording_waiting_bytes", "gauge", "Bytes that wait for the disk.", [(String::new(), waiting)]);
+    let failing = f64::from(u8::from(disk.is_failing()));
+    family(page, "disk_failing", "gauge", "1 while something cannot be written.", [(String::new(), failing)]);
 }
 
 fn family(page: &mut String, name: &str, kind: &str, help: &str, samples: impl IntoIterator<Item = (String, f64)>) {

@@ -18,6 +18,7 @@ mod send_queue;
 mod server;
 mod tap;
 mod token;
+mod waiting;
 
 pub use client::{Client, End, Pending};
 pub use listener::{Listener, ListenerError};

@@ -2,8 +2,9 @@
 
 use super::http::{MAX_HEAD_BYTES, Page, Status, answer, read};
 use super::metrics::page;
-use super::server::{Counted, ServerState};
+use super::server::ServerState;
 use super::token::Token;
+use super::waiting::Seat;
 use slamd_core::{Snapshot, link::LinkState};
 use std::io;
 use std::rc::Rc;
@@ -18,15 +19,31 @@ const TIMEOUT: Duration = Duration::from_secs(5);
 /// A healthy session answers within this: its loop runs at least every 2.5 s, also while the port is lost.
 const ANSWER: Duration = Duration::from_secs(4);
 
-/// Answers one request.
-pub(super) async fn serve(state: Rc<ServerState>, _counted: Counted, mut stream: TcpStream, token: Option<Token>) {
-    let Ok(Ok(asked)) = timeout(TIMEOUT, head(&mut stream, token.as_ref())).await else { return };
-    let (status, body) = match asked {
-        Ok(page) => respond(&state, page).await,
-        Err(status) => (status, String::new()),
+/// Answers one request. Until it has come, a newcomer may take the place.
+pub(super) async fn serve(state: Rc<ServerState>, mut seat: Seat, mut stream: TcpStream, token: Option<Token>) {
+    let asked = tokio::select! {
+        asked = timeout(TIMEOUT, head(&mut stream, token.as_ref())) => asked,
+        () = seat.lost() => return,
     };
+    let Ok(Ok(asked)) = asked else { return };
+    let (status, body) = match (asked, state.answering()) {
+        (Err(status), _) => (status, String::new()),
+        (Ok(_), None) => (Status::Unavailable, "too many requests\n".into()),
+        (Ok(page), Some(counted)) => {
+            // A place of its own, from here on.
+            drop(seat);
+            let answered = respond(&state, page).await;
+            send(&mut stream, &answered).await;
+            drop(counted);
+            return;
+        }
+    };
+    send(&mut stream, &(status, body)).await;
+}
+
+async fn send(stream: &mut TcpStream, (status, body): &(Status, String)) {
     let _ = timeout(TIMEOUT, async {
-        stream.write_all(&answer(status, &body)).await?;
+        stream.write_all(&answer(*status, body)).await?;
         stream.shutdown().await
     })
     .await;
@@ -53,10 +70,16 @@ async fn respond(state: &ServerState, asked: Page) -> (Status, String) {
     }
     let snapshot: Arc<Snapshot> = Arc::clone(&snapshots.borrow());
     match asked {
-        Page::Metrics => (Status::Ok, page(&snapshot, state.served())),
+        Page::Metrics => (Status::Ok, page(&snapshot, state.served(), &state.disk.state())),
         Page::Health => {
             let status = if snapshot.link == LinkState::Streaming { Status::Ok } else { Status::Unavailable };
-            (status, format!("{}: {}\n", snapshot.link.word(), snapshot.cause))
+            let mut body = format!("{}: {}\n", snapshot.link.word(), snapshot.cause);
+            // It does not change the status: a watchdog's restart would lose what waits in memory for the disk.
+            for trouble in state.disk.state().troubles() {
+                body += &trouble;
+                body.push('\n');
+            }
+            (status, body)
         }
     }
 }

@@ -8,8 +8,30 @@ use bytes::Bytes;
 use serde::Serialize;
 use slamd_core::{
     Counters, FaultEvent, ModelAspect, ModelEvent, Mounting, Raster, SensorState, Snapshot, Timestamp, Verdict,
+    link::LinkState,
 };
 use slamd_publish::grey_png;
+
+/// What a `DEVICE` report depends on: link state and cause, the board's protocol, the number of sensors. A change is reported.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct DeviceState {
+    link: LinkState,
+    cause: String,
+    protocol: Option<(u8, u8)>,
+    sensors: usize,
+}
+
+impl DeviceState {
+    pub(super) fn is_state_of(&self, snapshot: &Snapshot) -> bool {
+        (self.link, &self.cause, self.protocol, self.sensors)
+            == (snapshot.link, &snapshot.cause, snapshot.protocol, snapshot.ring.len())
+    }
+
+    pub(super) fn new(snapshot: &Snapshot) -> Self {
+        let (cause, sensors) = (snapshot.cause.clone(), snapshot.ring.len());
+        Self { link: snapshot.link, cause, protocol: snapshot.protocol, sensors }
+    }
+}
 
 /// Version of the lines: a new major version changes fields, a new minor version adds fields.
 pub const MAJOR: u32 = 1;

@@ -9,10 +9,14 @@ use super::pages;
 use super::report::map_line;
 use super::tap::Tap;
 use super::token::Token;
+use super::waiting::{Seat, WaitingRoom};
+use crate::descriptors;
+use crate::recorder::DiskHealth;
 use bytes::Bytes;
 use slamd_core::{Snapshot, Timestamp};
 use std::cell::Cell;
 use std::io;
+use std::os::fd::AsFd;
 use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -31,9 +35,16 @@ pub struct Server {
     files: Vec<PathBuf>,
 }
 
-/// Limits on open connections; further ones are refused.
+/// Limits on open connections; further ones are refused. Clients of the Unix socket, which only its owner can open, have places of their own.
 const MAX_CLIENTS: usize = 64;
-const MAX_PAGES: usize = 8;
+const MAX_OWNERS: usize = 16;
+const MAX_PAGES: usize = 16;
+/// Connections that have not sent the token or the request, and how many of them may be of one address. Newcomers take the places of those that
+/// have waited longest.
+const MAX_WAITING: usize = 64;
+const MAX_WAITING_OF_ADDRESS: usize = 16;
+/// What a client is told that is refused.
+pub(super) const TOO_MANY: &str = "too many clients: all places are taken; try again later";
 /// Refused clients that are sent the reason at the same time; others are closed without one.
 const MAX_REFUSING: usize = 16;
 /// A map younger than this is sent again instead of being copied.
@@ -46,7 +57,7 @@ impl Server {
     ///
     /// # Errors
     /// When the system refuses a thread or its event loop.
-    pub fn begin(listeners: Vec<Listener>, token: Option<Token>) -> io::Result<Self> {
+    pub fn begin(listeners: Vec<Listener>, token: Option<Token>, disk: Arc<DiskHealth>) -> io::Result<Self> {
         let mailbox = Arc::<Mailbox>::default();
         let files = listeners.iter().filter_map(|listener| match listener {
             Listener::Unix(_, path) => Some(path.clone()),
@@ -60,7 +71,7 @@ impl Server {
             std::thread::Builder::new().name("api".into()).spawn(move || {
                 let tasks = LocalSet::new();
                 tasks.block_on(&runtime, async move {
-                    ServerState::open(mailbox, listeners, token);
+                    ServerState::open(mailbox, disk, listeners, token);
                     let _ = is_over.await;
                 });
             })?
@@ -90,12 +101,16 @@ impl Drop for Server {
 /// State shared by all tasks of the thread.
 pub(super) struct ServerState {
     pub(super) mailbox: Arc<Mailbox>,
+    pub(super) disk: Arc<DiskHealth>,
     pub(super) begin: Instant,
     pub(super) snapshot: watch::Sender<Arc<Snapshot>>,
     /// The newest map as a line; none while the map is empty.
     pub(super) map: watch::Sender<Option<Bytes>>,
     mapped: Cell<Option<Timestamp>>,
     clients: Cell<usize>,
+    owners: Cell<usize>,
+    strangers: Rc<WaitingRoom>,
+    visitors: Rc<WaitingRoom>,
     pages: Cell<usize>,
     refusing: Cell<usize>,
     refused: Cell<u64>,
@@ -104,14 +119,18 @@ pub(super) struct ServerState {
 
 impl ServerState {
     #[expect(clippy::disallowed_methods, reason = "clients live in real time")]
-    fn open(mailbox: Arc<Mailbox>, listeners: Vec<Listener>, token: Option<Token>) {
+    fn open(mailbox: Arc<Mailbox>, disk: Arc<DiskHealth>, listeners: Vec<Listener>, token: Option<Token>) {
         let state = Rc::new(Self {
             mailbox,
+            disk,
             begin: Instant::now(),
             snapshot: watch::Sender::default(),
             map: watch::Sender::default(),
             mapped: Cell::default(),
             clients: Cell::default(),
+            owners: Cell::default(),
+            strangers: WaitingRoom::new(MAX_WAITING, MAX_WAITING_OF_ADDRESS),
+            visitors: WaitingRoom::new(MAX_WAITING, MAX_WAITING_OF_ADDRESS),
             pages: Cell::default(),
             refusing: Cell::default(),
             refused: Cell::default(),
@@ -138,10 +157,21 @@ impl ServerState {
     }
 
     pub(super) fn served(&self) -> Served {
-        Served { clients: self.clients.get(), refused: self.refused.get(), slow: self.slow.get() }
+        Served {
+            clients: self.clients.get() + self.owners.get(),
+            refused: self.refused.get(),
+            sent_away: self.strangers.sent_away() + self.visitors.sent_away(),
+            slow: self.slow.get(),
+        }
+    }
+
+    /// A place for an answer; none if there are too many.
+    pub(super) fn answering(self: &Rc<Self>) -> Option<Counted> {
+        Counted::new(self, |state| &state.pages, MAX_PAGES)
     }
 
     pub(super) fn count(&self, end: End) {
+        self.refused.set(self.refused.get() + u64::from(end == End::Refused));
         self.slow.set(self.slow.get() + u64::from(end == End::Slow));
     }
 }
@@ -163,6 +193,38 @@ impl Drop for Counted {
     fn drop(&mut self) {
         let cell = self.1(&self.0);
         cell.set(cell.get() - 1);
+    }
+}
+
+/// What a client of the JSON lines takes.
+pub(super) enum Place {
+    /// It has not shown the token yet.
+    Stranger(Seat),
+    /// A place that is kept until it leaves.
+    Client(#[expect(dead_code, reason = "it is given back when it is dropped")] Counted),
+}
+
+impl Place {
+    /// Gives a client that has shown the token a place of its own. False if there is none.
+    pub(super) fn take(&mut self, state: &Rc<ServerState>) -> bool {
+        if matches!(self, Self::Client(_)) {
+            return true;
+        }
+        match Counted::new(state, |state| &state.clients, MAX_CLIENTS) {
+            Some(counted) => {
+                *self = Self::Client(counted);
+                true
+            }
+            None => false,
+        }
+    }
+
+    /// Returns when a newcomer takes it.
+    pub(super) async fn lost(&mut self) {
+        match self {
+            Self::Stranger(seat) => seat.lost().await,
+            Self::Client(_) => std::future::pending().await,
+        }
     }
 }
 
@@ -188,50 +250,60 @@ async fn accept_all(state: Rc<ServerState>, listener: Listener, token: Option<To
         Listener::Tcp(listener) => {
             let listener = TcpListener::from_std(listener)?;
             loop {
-                let Some((stream, from)) = accepted(listener.accept().await).await else { continue };
+                let Some((stream, from)) = accepted(&state, listener.accept().await).await else { continue };
                 // Send each pose at once instead of collecting several (Nagle's algorithm).
                 let _ = stream.set_nodelay(true);
-                serve_client(&state, stream, from.to_string(), token);
+                let place = match token {
+                    Some(_) => Some(Place::Stranger(state.strangers.enter(Some(from.ip())))),
+                    None => Counted::new(&state, |state| &state.clients, MAX_CLIENTS).map(Place::Client),
+                };
+                serve_client(&state, place, stream, from.to_string(), token);
             }
         }
         Listener::Unix(listener, path) => {
             let (listener, peer) = (UnixListener::from_std(listener)?, path.display().to_string());
             loop {
-                let Some((stream, _)) = accepted(listener.accept().await).await else { continue };
+                let Some((stream, _)) = accepted(&state, listener.accept().await).await else { continue };
                 // The file's mode lets only its owner connect, so no token is needed.
-                serve_client(&state, stream, peer.clone(), None);
+                let place = Counted::new(&state, |state| &state.owners, MAX_OWNERS).map(Place::Client);
+                serve_client(&state, place, stream, peer.clone(), None);
             }
         }
         Listener::Http(listener) => {
             let listener = TcpListener::from_std(listener)?;
             loop {
-                let Some((stream, _)) = accepted(listener.accept().await).await else { continue };
-                let counted = Counted::new(&state, |state| &state.pages, MAX_PAGES);
-                let Some(counted) = counted else { continue };
-                spawn_local(pages::serve(Rc::clone(&state), counted, stream, token));
+                let Some((stream, from)) = accepted(&state, listener.accept().await).await else { continue };
+                let seat = state.visitors.enter(Some(from.ip()));
+                spawn_local(pages::serve(Rc::clone(&state), seat, stream, token));
             }
         }
     }
 }
 
-/// The accepted connection; after a failure it waits, because a missing file descriptor would make the loop spin.
-async fn accepted<T>(result: io::Result<T>) -> Option<T> {
+/// The accepted connection, if it leaves descriptors for the session; after a failure it waits, because a missing descriptor would make the
+/// loop spin.
+async fn accepted<T: AsFd, A>(state: &ServerState, result: io::Result<(T, A)>) -> Option<(T, A)> {
     match result {
-        Ok(accepted) => Some(accepted),
+        Ok((stream, from)) if descriptors::is_spare(&stream) => Some((stream, from)),
+        Ok(_) => {
+            state.refused.set(state.refused.get() + 1);
+            tracing::warn!("api: a connection is refused: too few file descriptors are free; see `ulimit -n`");
+            None
+        }
         Err(error) => {
-            tracing::debug!("api: cannot accept a connection: {error}");
+            tracing::warn!("api: cannot accept a connection: {error}");
             tokio::time::sleep(ACCEPT_RETRY).await;
             None
         }
     }
 }
 
-fn serve_client<S>(state: &Rc<ServerState>, stream: S, peer: String, token: Option<Token>)
+fn serve_client<S>(state: &Rc<ServerState>, place: Option<Place>, stream: S, peer: String, token: Option<Token>)
 where
     S: tokio::io::AsyncRead + tokio::io::AsyncWrite + Unpin + 'static,
 {
-    if let Some(counted) = Counted::new(state, |state| &state.clients, MAX_CLIENTS) {
-        spawn_local(connection::serve(Rc::clone(state), counted, stream, peer, token));
+    if let Some(place) = place {
+        spawn_local(connection::serve(Rc::clone(state), place, stream, peer, token));
         return;
     }
     state.refused.set(state.refused.get() + 1);

@@ -2,10 +2,12 @@
 
 use super::{Failure, Kind};
 use crate::api::{Listener, ListenerError, Server, Token};
+use crate::recorder::DiskHealth;
 use clap::Args;
 use slamd_files::OutputGuard;
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Serving a session to other programs.
 #[derive(Debug, Args)]
@@ -29,9 +31,9 @@ pub(super) struct ApiArgs {
 pub(super) const NAMES: [&str; 4] = ["listen", "socket", "metrics", "token_file"];
 
 impl ApiArgs {
-    /// Begins to serve; none if no option asks for it.
+    /// Begins to serve, with the disk's state on the pages; none if no option asks for it.
     /// The socket is no input and no other output of the command, which `guard` knows.
-    pub(super) fn begin(&self, guard: &OutputGuard) -> Result<Option<Server>, Failure> {
+    pub(super) fn begin(&self, guard: &OutputGuard, disk: &Arc<DiskHealth>) -> Result<Option<Server>, Failure> {
         let options = [("--listen", self.listen), ("--metrics", self.metrics)];
         let open = options
             .iter()
@@ -57,7 +59,7 @@ impl ApiArgs {
             return Ok(None);
         }
         listeners.iter().for_each(|listener| tracing::info!("api: listening at {}", listener.address()));
-        let server = Server::begin(listeners, token);
+        let server = Server::begin(listeners, token, Arc::clone(disk));
         server.map(Some).map_err(|error| Failure::new(Kind::Unavailable, format!("api: {error}")))
     }
 }

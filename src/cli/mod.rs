@@ -32,6 +32,7 @@ mod terminal;
 #[cfg(feature = "viewer")]
 mod viewer;
 
+use crate::descriptors;
 use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use config::{HowArgs, MethodArg};
 pub use failure::{Failure, Kind};
@@ -129,6 +130,7 @@ impl OutputArgs {
 /// Runs the program with the process's arguments.
 #[must_use]
 pub fn main() -> ExitCode {
+    descriptors::raise_limit();
     let cli = match command().try_get_matches_from(arguments()).and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
         Err(error) => return usage_error(&error),
@@ -137,15 +139,18 @@ pub fn main() -> ExitCode {
     let is_monitor = matches!(cli.command, Command::Monitor(_));
     let format = if is_monitor { log::Format::Text } else { cli.log_format };
     if !is_monitor {
-        log::begin(format, log::level(cli.verbose, cli.quiet));
+        let is_live = matches!(cli.command, Command::Run(_));
+        log::begin(format, log::level(cli.verbose, cli.quiet), is_live);
     }
-    match cli.command.run() {
+    let code = match cli.command.run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             log::end(format, &failure);
             ExitCode::from(failure.kind as u8)
         }
-    }
+    };
+    log::finish();
+    code
 }
 
 impl Command {

@@ -1,10 +1,11 @@
 //! `--record` and its options.
 
 use super::{Failure, Kind};
-use crate::recorder::{Folder, Plan, Recorder};
+use crate::recorder::{DiskHealth, Folder, Plan, Recorder};
 use clap::Args;
 use slamd_capture::CaptureInfo;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
 #[derive(Debug, Args)]
@@ -31,7 +32,7 @@ const HOUR: u32 = 60;
 
 impl RecordArgs {
     /// Begins the recording; none without --record.
-    pub(super) fn begin(&self, info: CaptureInfo) -> Result<Option<Recorder>, Failure> {
+    pub(super) fn begin(&self, info: CaptureInfo, health: Arc<DiskHealth>) -> Result<Option<Recorder>, Failure> {
         let Some(path) = &self.record else { return Ok(None) };
         let is_folder = path.is_dir() || path.as_os_str().as_encoded_bytes().ends_with(b"/");
         let minutes = self.record_minutes.or_else(|| (is_folder && self.record_mib.is_none()).then_some(HOUR));
@@ -53,6 +54,6 @@ impl RecordArgs {
         } else {
             Folder::file(path)
         };
-        Recorder::begin(folder, info, plan).map(Some).map_err(Failure::creating)
+        Recorder::begin(folder, info, plan, health).map(Some).map_err(Failure::creating)
     }
 }

@@ -6,7 +6,7 @@ use crate::api::Tap;
 use crate::daemon::{self, Live, Observer, Options, SessionClock, Shutdown};
 use crate::port::PortName;
 use crate::priority;
-use crate::recorder::{Losses, Recorder};
+use crate::recorder::{DiskHealth, Losses, Recorder};
 use crate::service::Service;
 use crate::source::checkpoints::Checkpoints;
 use crate::source::session::Session;
@@ -14,6 +14,7 @@ use clap::Args;
 use slamd_capture::CaptureInfo;
 use slamd_core::{Config, FaultEvent, Timestamp, link::Link};
 use slamd_publish::{Outputs, Source, Summary};
+use std::sync::Arc;
 use std::time::Duration;
 use tokio::runtime::Runtime;
 
@@ -72,10 +73,14 @@ impl RunArgs {
         let runtime = runtime()?;
         let _guard = runtime.enter();
         let mut shutdown = Shutdown::new(self.duration.map(Duration::from_secs_f64))?;
+        // Files are read, and nothing would be lost.
+        shutdown.at_once(true);
         let config = self.output.how.of_robot()?;
         let end = self.live.drive(&self.port, config, &self.output, (&runtime, &mut shutdown), &mut |_, _| {})?;
+        // Everything is saved.
+        shutdown.at_once(true);
         match end {
-            Some(end) => end.report(&self.output),
+            Some(end) => terminal::patiently(end.is_mapped(), move || end.report(&self.output)),
             None => {
                 tracing::warn!("nothing mapped: the session was over before the port was found");
                 Ok(())
@@ -95,6 +100,11 @@ pub(super) struct End {
 }
 
 impl End {
+    /// False if there is no map to report.
+    const fn is_mapped(&self) -> bool {
+        self.summary.nothing_mapped.is_none()
+    }
+
     /// Prints the summary on standard output and logs failures.
     ///
     /// # Errors
@@ -129,7 +139,8 @@ impl LiveArgs {
     ) -> Result<Option<End>, Failure> {
         let saves = self.state.outputs(output.guard_of_robot()?)?;
         let options = Options { port, baud: self.baud, exit_on_hangup: self.exit_on_hangup };
-        let server = self.api.begin(&saves.guard)?;
+        let health = Arc::<DiskHealth>::default();
+        let server = self.api.begin(&saves.guard, &health)?;
         let mut taps: Vec<Tap> = server.iter().map(|server| server.tap(&config.robot.name)).collect();
         // Lives until the map has been written.
         #[cfg(feature = "mqtt")]
@@ -144,6 +155,8 @@ impl LiveArgs {
             service.iter_mut().for_each(|service| service.look(link, None));
             observe(link, None);
         };
+        // From here on there is something to end in order.
+        shutdown.at_once(false);
         let port = runtime.block_on(daemon::search(options, &mut link, Timestamp::default, shutdown, &mut look));
         let Some(port) = port.map_err(|error| Failure::new(Kind::Unavailable, error.to_string()))? else {
             service.iter().for_each(Service::stopping);
@@ -153,9 +166,10 @@ impl LiveArgs {
         let source = Source { capture: None, began_unix_us: info.unix_zero_us, is_resumed: self.state.is_resumed() };
         let outputs = Outputs::begin(output.out(), source, &saves.guard)?;
         let mut session = self.state.begin(config.clone(), outputs)?;
-        let (mut saver, mut checkpoints) = (saves.saver(), Checkpoints::default());
+        let mut saver = saves.saver().map(|saver| saver.with_health(Arc::clone(&health)));
+        let mut checkpoints = Checkpoints::new(Arc::clone(&health));
         taps.iter_mut().for_each(|tap| tap.begin(info.unix_zero_us));
-        let mut recorder = self.record.begin(info.clone())?;
+        let mut recorder = self.record.begin(info.clone(), health)?;
         #[cfg(feature = "viewer")]
         let watched = self.viewer.begin(&config.robot.name, info.unix_zero_us, &saves.guard)?;
         #[cfg(feature = "viewer")]

@@ -182,7 +182,7 @@ fn world(name: &str, seed: u64) -> Result<World, Failure> {
             format!("there is no world \"{name}\"; there are {known}, {}, and files FILE.toml", World::RANDOM),
         ));
     }
-    let text = std::fs::read_to_string(path)
+    let text = slamd_files::regular::read_text(path, World::MAX_FILE_BYTES)
         .map_err(|error| Failure::new(Kind::NoInput, format!("{name}: {error}; name an existing world file")))?;
     World::from_toml(name, &text).map_err(|error| Failure::new(Kind::Config, error.to_string()))
 }

@@ -6,6 +6,7 @@ use slamd_core::FaultEvent;
 use slamd_publish::Summary;
 use std::io::{IsTerminal as _, Write as _};
 use std::path::Path;
+use std::time::Duration;
 
 /// A progress bar over the session's seconds, shown only on a terminal.
 pub(super) fn progress(seconds: Option<f64>) -> ProgressBar {
@@ -113,6 +114,28 @@ pub(super) fn report(
     match summary.nothing_mapped {
         Some(_) => Err(Failure::new(Kind::NothingMapped, summary.last_line())),
         None => Ok(()),
+    }
+}
+
+/// Longest wait for a terminal or pipe that does not take a live session's summary, which is also in `summary.json`.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// Runs `report`, but does not wait long for a standard output that hangs: the session is over and saved.
+///
+/// # Errors
+/// As `report`; when standard output hangs and nothing was mapped.
+pub(super) fn patiently(
+    is_mapped: bool,
+    report: impl FnOnce() -> Result<(), Failure> + Send + 'static,
+) -> Result<(), Failure> {
+    let (sender, done) = std::sync::mpsc::channel();
+    let thread = std::thread::Builder::new().spawn(move || sender.send(report()));
+    match (thread, done.recv_timeout(PATIENCE)) {
+        (Ok(_), Ok(result)) => result,
+        _ => {
+            tracing::warn!("standard output does not take the summary: it is in summary.json");
+            if is_mapped { Ok(()) } else { Err(Failure::new(Kind::NothingMapped, "nothing mapped")) }
+        }
     }
 }
 

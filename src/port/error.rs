@@ -40,6 +40,11 @@ pub enum PortError {
         /// The file.
         path: PathBuf,
     },
+    /// The program or the system has no file descriptor left.
+    Descriptors {
+        /// The operating system's error text.
+        text: String,
+    },
     /// Something else.
     Other {
         /// The device.
@@ -54,6 +59,12 @@ impl PortError {
     #[must_use]
     pub fn is_missing(&self) -> bool {
         matches!(self, Self::Missing { .. })
+    }
+
+    /// The same error, or the one behind it: without a free file descriptor every port seems missing.
+    #[must_use]
+    pub fn or_shortage(self) -> Self {
+        crate::descriptors::shortage().map_or(self, |error| Self::Descriptors { text: error.to_string() })
     }
 
     /// The error for a `path` that this user may not open.
@@ -97,6 +108,9 @@ impl std::fmt::Display for PortError {
             }
             Self::NotSerial { path } => {
                 write!(f, "{} is no serial port; `slamd ports` lists those there are", path.display())
+            }
+            Self::Descriptors { text } => {
+                write!(f, "no file descriptor is free: {text}; close connections to slamd, or raise `ulimit -n`")
             }
             Self::Other { path, text } => {
                 write!(f, "{} cannot be opened: {text}; try `slamd doctor`", path.display())

@@ -2,8 +2,8 @@
 
 use slamd_files::private;
 use std::fs::File;
-use std::io::{self, Write};
-use std::os::unix::fs::FileExt as _;
+use std::io::{self, ErrorKind, Write};
+use std::os::unix::fs::{FileExt as _, MetadataExt as _};
 use std::path::{Path, PathBuf};
 
 /// Storage for the parts of a recording. Tests implement it with injected I/O errors.
@@ -17,6 +17,12 @@ pub trait Disk {
     /// When it cannot be created, with [`io::ErrorKind::AlreadyExists`] where it exists: then it belongs to another recording.
     fn create(&mut self, part: u32) -> io::Result<Self::File>;
 
+    /// Looks whether the file of a part still has its name.
+    ///
+    /// # Errors
+    /// When the disk does not answer.
+    fn presence(&mut self, part: u32, file: &Self::File) -> io::Result<Presence>;
+
     /// Deletes the file of a part.
     ///
     /// # Errors
@@ -28,6 +34,17 @@ pub trait Disk {
 
     /// The path of a part, for messages.
     fn path(&self, part: u32) -> PathBuf;
+}
+
+/// Where a file is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Presence {
+    /// Under its name.
+    There,
+    /// Under another name.
+    Renamed,
+    /// Nowhere: what was written is lost.
+    Removed,
 }
 
 /// Files with a common name in a folder of the file system.
@@ -65,8 +82,21 @@ impl Disk for Folder {
         let path = self.path(part);
         // A pipe or a device that the user named holds no recording.
         let is_stream = part == 1 && self.first.is_some() && std::fs::metadata(&path).is_ok_and(|it| !it.is_file());
-        let file = if is_stream { private::create_file(&path)? } else { private::create_new_file(&path)? };
+        let file = if is_stream { private::open_stream(&path)? } else { private::create_new_file(&path)? };
         Ok(PartFile { is_seekable: file.metadata()?.is_file(), file, written: 0 })
+    }
+
+    fn presence(&mut self, part: u32, file: &PartFile) -> io::Result<Presence> {
+        if !file.is_seekable {
+            return Ok(Presence::There);
+        }
+        let ours = file.file.metadata()?;
+        Ok(match std::fs::symlink_metadata(self.path(part)) {
+            Ok(there) if (there.dev(), there.ino()) == (ours.dev(), ours.ino()) => Presence::There,
+            Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
+            _ if ours.nlink() == 0 => Presence::Removed,
+            _ => Presence::Renamed,
+        })
     }
 
     fn remove(&mut self, part: u32) -> io::Result<()> {

@@ -7,10 +7,16 @@
 #![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
 
 mod disk;
+mod health;
+mod outage;
+mod part;
+mod plan;
 mod tape;
 
-pub use disk::{Disk, Folder};
-pub use tape::{Losses, Plan, Tape};
+pub use disk::{Disk, Folder, Presence};
+pub use health::{DiskHealth, DiskState};
+pub use plan::{Losses, Plan};
+pub use tape::Tape;
 
 use bytes::Bytes;
 use slamd_capture::{CaptureError, CaptureInfo};
@@ -61,6 +67,7 @@ impl Chunk {
 pub struct Recorder {
     queue: SyncSender<Chunk>,
     thread: JoinHandle<Losses>,
+    health: Arc<DiskHealth>,
     parts: Arc<AtomicU32>,
     parts_seen: u32,
     dropped: u64,
@@ -79,7 +86,7 @@ impl Recorder {
     ///
     /// # Errors
     /// When its first file cannot be created or written.
-    pub fn begin(folder: Folder, info: CaptureInfo, plan: Plan) -> Result<Self, CaptureError> {
+    pub fn begin(folder: Folder, info: CaptureInfo, plan: Plan, health: Arc<DiskHealth>) -> Result<Self, CaptureError> {
         let wanted = folder.path(1);
         let tape = Tape::begin(folder, info, plan)?;
         if tape.part() != 1 {
@@ -89,10 +96,10 @@ impl Recorder {
         let parts_seen = tape.part();
         let parts = Arc::new(AtomicU32::new(parts_seen));
         let thread = {
-            let parts = Arc::clone(&parts);
-            std::thread::spawn(move || write(tape, &chunks, &parts))
+            let (parts, health) = (Arc::clone(&parts), Arc::clone(&health));
+            std::thread::spawn(move || write(tape, &chunks, &parts, &health))
         };
-        Ok(Self { queue, thread, parts, parts_seen, dropped: 0, warn_at: Timestamp::default() })
+        Ok(Self { queue, thread, health, parts, parts_seen, dropped: 0, warn_at: Timestamp::default() })
     }
 
     /// Records a chunk; a chunk that finds the queue full is counted as lost.
@@ -102,6 +109,7 @@ impl Recorder {
             return;
         }
         self.dropped += 1;
+        self.health.update(|state| state.recording_dropped = self.dropped);
         if at >= self.warn_at {
             self.warn_at = at + WARNING_PERIOD;
             tracing::error!(
@@ -127,18 +135,32 @@ impl Recorder {
     }
 }
 
-fn write(mut tape: Tape<Folder>, chunks: &Receiver<Chunk>, parts: &AtomicU32) -> Losses {
+fn write(mut tape: Tape<Folder>, chunks: &Receiver<Chunk>, parts: &AtomicU32, health: &DiskHealth) -> Losses {
+    let mut told = (0, 0, false);
     loop {
         let wait = tape.flush_in().unwrap_or(IDLE);
         match chunks.recv_timeout(wait) {
             Ok(chunk) => tape.push(chunk),
             // No chunk arrived, so session time advanced by the wait.
             Err(RecvTimeoutError::Timeout) => tape.advance(tape.now() + wait),
-            Err(RecvTimeoutError::Disconnected) => return tape.finish(),
+            Err(RecvTimeoutError::Disconnected) => {
+                tape.retry();
+                tell(&mut tape);
+                return tape.finish();
+            }
         }
         parts.store(tape.part(), Ordering::Relaxed);
-        while let Some(notice) = tape.poll_notice() {
-            tracing::warn!("{notice}");
+        let state = (tape.errors(), tape.lost(), tape.outage().is_some());
+        if state != told || state.2 {
+            told = state;
+            health.recording(&tape);
         }
+        tell(&mut tape);
+    }
+}
+
+fn tell(tape: &mut Tape<Folder>) {
+    while let Some(notice) = tape.poll_notice() {
+        tracing::warn!("{notice}");
     }
 }

@@ -5,35 +5,16 @@
 //! and are counted as lost beyond it. So a capture holds the link's whole traffic, with a gap if the disk failed for longer than the limit
 //! lasts.
 
+use super::disk::Presence;
+use super::outage::Outage;
+use super::part::Part;
+use super::plan::{Losses, Plan};
 use super::{Chunk, Disk};
-use slamd_capture::{CaptureError, CaptureInfo, CaptureWriter};
+use slamd_capture::{CaptureError, CaptureInfo};
 use slamd_core::Timestamp;
 use std::collections::VecDeque;
-use std::io::{self, ErrorKind, Write};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::io::{self, ErrorKind};
 use std::time::Duration;
-
-/// When a recording begins a new file, and how much disk space it leaves free.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Plan {
-    /// Largest size of a file, bytes.
-    pub most_bytes: Option<u64>,
-    /// Longest time in a file.
-    pub most_time: Option<Duration>,
-    /// Number of files to keep; older files of this recording are deleted.
-    pub keep: Option<u32>,
-    /// Writing pauses while fewer bytes are free.
-    pub keep_free_bytes: u64,
-}
-
-/// What a recording lacks.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Losses {
-    /// Chunks that were not written.
-    pub chunks: u64,
-    /// Why the last file could not be closed; its content can still be read.
-    pub unfinished: Option<String>,
-}
 
 /// A recording.
 pub struct Tape<D: Disk> {
@@ -41,49 +22,36 @@ pub struct Tape<D: Disk> {
     info: CaptureInfo,
     plan: Plan,
     part: Part<D::File>,
-    /// The numbers of this recording's files that may be deleted; others in between belong to other recordings.
-    parts: VecDeque<u32>,
+    /// This recording's closed files; others in between belong to other recordings.
+    closed: VecDeque<Closed>,
+    /// A file without a chunk that could not be deleted.
+    leftover: Option<u32>,
     waiting: VecDeque<Chunk>,
     waiting_bytes: usize,
     now: Timestamp,
     outage: Option<Outage>,
-    check_space_at: Timestamp,
+    check_at: Timestamp,
     lost: u64,
+    /// Chunks of the present file that are gone with it.
+    removed: u64,
+    errors: u64,
     notice_at: Timestamp,
     notices: VecDeque<String>,
 }
 
-/// One file of the recording.
-struct Part<F> {
+/// A file that is not written any more.
+#[derive(Clone, Copy)]
+struct Closed {
     number: u32,
-    file: F,
-    writer: CaptureWriter<Memory>,
-    memory: Memory,
-    began: Timestamp,
-    written: u64,
-    /// The file holds a chunk.
-    is_used: bool,
-    /// Chunks that are encoded but not yet in the file.
-    encoded: u64,
-    /// Those of them that are in the open capture chunk.
-    open: u64,
-}
-
-/// A period in which the disk fails.
-struct Outage {
-    since: Timestamp,
-    retry_at: Timestamp,
-    lost_before: u64,
-    is_reported: bool,
+    /// All of it is known to be on the disk. Only such files count as kept ones.
+    is_sound: bool,
 }
 
 /// Limit on waiting chunks with their overhead, bytes: three quarters of an hour at 6 kB/s.
 const MAX_WAITING: usize = 16 << 20;
 const OVERHEAD: usize = 64;
-const RETRY_PERIOD: Duration = Duration::from_secs(1);
-const FREE_SPACE_PERIOD: Duration = Duration::from_secs(1);
-/// After so long a failure that is not a full disk, a new file is begun: the disk may have been removed and inserted again.
-const GIVE_UP: Duration = Duration::from_secs(10);
+/// Period of looking whether there is free space and whether the file still exists.
+const CHECK_PERIOD: Duration = Duration::from_secs(1);
 /// Shortest time between two notices.
 const NOTICE_PERIOD: Duration = Duration::from_secs(60);
 
@@ -102,7 +70,8 @@ impl<D: Disk> Tape<D> {
         });
         let part = begun.map_err(|source| CaptureError::Io { path: disk.path(1), source })?;
         Ok(Self {
-            parts: VecDeque::from([part.number]),
+            closed: VecDeque::new(),
+            leftover: None,
             part,
             disk,
             info,
@@ -111,8 +80,10 @@ impl<D: Disk> Tape<D> {
             waiting_bytes: 0,
             now: Timestamp::default(),
             outage: None,
-            check_space_at: Timestamp::default(),
+            check_at: Timestamp::default(),
             lost: 0,
+            removed: 0,
+            errors: 0,
             notice_at: Timestamp::default(),
             notices: VecDeque::new(),
         })
@@ -140,6 +111,14 @@ impl<D: Disk> Tape<D> {
         match self.write() {
             Ok(()) => self.recovered(),
             Err(error) => self.failed(&error),
+        }
+    }
+
+    /// Writes what waits, without waiting for the next attempt.
+    pub fn retry(&mut self) {
+        if let Some(outage) = &mut self.outage {
+            outage.retry_at = self.now;
+            self.advance(self.now);
         }
     }
 
@@ -183,21 +162,42 @@ impl<D: Disk> Tape<D> {
         self.notices.pop_front()
     }
 
+    /// Errors of the disk so far.
+    #[must_use]
+    pub const fn errors(&self) -> u64 {
+        self.errors
+    }
+
+    /// Why the recording waits, and since when; none while it is written.
+    #[must_use]
+    pub fn outage(&self) -> Option<(Timestamp, &str)> {
+        self.outage.as_ref().map(|outage| (outage.since, outage.cause.as_str()))
+    }
+
     /// Writes everything and closes the file.
     pub fn finish(mut self) -> Losses {
-        let result = self.write().and_then(|()| self.part.close());
+        let result = self.check_file().and_then(|()| self.write()).and_then(|()| self.part.close());
         let waiting = self.waiting.len() as u64;
+        self.delete_leftover();
+        self.delete_old();
         match result {
             Ok(()) => Losses { chunks: self.lost, unfinished: None },
-            Err(error) => Losses {
-                chunks: self.lost + waiting + self.part.encoded,
-                unfinished: Some(format!("{}: {error}", self.disk.path(self.part.number).display())),
-            },
+            Err(error) => {
+                let unwritten = self.part.encoded;
+                // An empty file is no recording.
+                if self.part.held == 0 {
+                    let _ = self.disk.remove(self.part.number);
+                }
+                Losses {
+                    chunks: self.lost + self.removed + waiting + unwritten,
+                    unfinished: Some(format!("{}: {error}", self.disk.path(self.part.number).display())),
+                }
+            }
         }
     }
 
     fn write(&mut self) -> io::Result<()> {
-        self.check_free_space()?;
+        self.check()?;
         self.part.drain()?;
         while let Some(chunk) = self.waiting.front() {
             let at = chunk.at();
@@ -212,24 +212,48 @@ impl<D: Disk> Tape<D> {
             self.part.drain()?;
         }
         self.part.writer.flush_if_due(self.now).map_err(io::Error::other)?;
-        self.part.drain()
+        self.part.drain()?;
+        self.delete_old();
+        Ok(())
     }
 
-    fn check_free_space(&mut self) -> io::Result<()> {
-        if self.plan.keep_free_bytes == 0 || self.now < self.check_space_at {
+    /// Looks once a second whether there is room, and whether the file still exists.
+    fn check(&mut self) -> io::Result<()> {
+        if self.now < self.check_at {
             return Ok(());
         }
-        match self.disk.free_bytes() {
-            Some(free) if free < self.plan.keep_free_bytes => {
-                let text =
-                    format!("{} MiB are free, and {} must stay free", free >> 20, self.plan.keep_free_bytes >> 20);
-                Err(io::Error::new(ErrorKind::StorageFull, text))
-            }
-            _ => {
-                self.check_space_at = self.now + FREE_SPACE_PERIOD;
-                Ok(())
-            }
+        if self.plan.keep_free_bytes > 0
+            && let Some(free) = self.disk.free_bytes()
+            && free < self.plan.keep_free_bytes
+        {
+            let text = format!("{} MiB are free, and {} must stay free", free >> 20, self.plan.keep_free_bytes >> 20);
+            return Err(io::Error::new(ErrorKind::StorageFull, text));
         }
+        self.check_file()?;
+        self.check_at = self.now + CHECK_PERIOD;
+        Ok(())
+    }
+
+    /// A file that was removed or renamed is told at once, and the next one is begun.
+    fn check_file(&mut self) -> io::Result<()> {
+        let (gone, what) = match self.disk.presence(self.part.number, &self.part.file)? {
+            Presence::There => return Ok(()),
+            Presence::Renamed => (0, "the file was renamed"),
+            Presence::Removed => (self.part.held, "the file was removed"),
+        };
+        let path = self.path();
+        let lost = gone + self.part.encoded;
+        if let Err(error) = self.next_part(self.now) {
+            self.removed = gone;
+            return Err(io::Error::new(error.kind(), format!("{what}, and no other can be begun: {error}")));
+        }
+        (self.lost, self.removed, self.errors) = (self.lost + lost, 0, self.errors + 1);
+        self.notices.push_back(format!(
+            "{}: {what}; {lost} chunks are missing; recording to {}",
+            path.display(),
+            self.path().display()
+        ));
+        Ok(())
     }
 
     /// True if a chunk of this time belongs into a new file.
@@ -244,24 +268,68 @@ impl<D: Disk> Tape<D> {
     fn rotate(&mut self, at: Timestamp) -> io::Result<()> {
         // The file stays closed if the next one cannot be begun.
         self.part.close()?;
-        self.next_part(at)
+        let closed = Closed { number: self.part.number, is_sound: !self.part.is_doubtful };
+        self.next_part(at)?;
+        self.closed.push_back(closed);
+        Ok(())
     }
 
+    /// Begins the next file once the disk has taken its header; until then the present one stays.
     fn next_part(&mut self, at: Timestamp) -> io::Result<()> {
-        self.part = Part::begin_next(&mut self.disk, &self.info, self.part.number + 1, at)?;
-        self.parts.push_back(self.part.number);
-        if self.plan.keep.is_some_and(|keep| self.parts.len() > keep.max(1) as usize)
-            && let Some(oldest) = self.parts.pop_front()
-        {
-            // The file may have been deleted already.
-            let _ = self.disk.remove(oldest);
+        if !self.delete_leftover() {
+            return Err(io::Error::other("an empty file cannot be deleted"));
         }
-        self.part.drain()
+        let mut next = Part::begin_next(&mut self.disk, &self.info, self.part.number + 1, at)?;
+        if let Err(error) = next.drain() {
+            self.leftover = Some(next.number);
+            self.delete_leftover();
+            return Err(error);
+        }
+        self.part = next;
+        Ok(())
+    }
+
+    /// Deletes the file that holds no chunk. False if the disk refuses.
+    fn delete_leftover(&mut self) -> bool {
+        let Some(number) = self.leftover else { return true };
+        let is_deleted = match self.disk.remove(number) {
+            Ok(()) => true,
+            Err(error) => error.kind() == ErrorKind::NotFound,
+        };
+        if is_deleted {
+            self.leftover = None;
+        }
+        is_deleted
+    }
+
+    /// Deletes files that are too old. Empty and unsound ones do not count as kept, and nothing is deleted before the present file holds a
+    /// chunk, so a failing disk costs no file.
+    fn delete_old(&mut self) {
+        let Some(keep) = self.plan.keep.filter(|_| self.part.held > 0) else { return };
+        let keep = keep.max(1) as usize;
+        loop {
+            let sound = 1 + self.closed.iter().filter(|closed| closed.is_sound).count();
+            let oldest_is_sound = self.closed.front().is_some_and(|oldest| oldest.is_sound);
+            let index = if sound > keep || (sound == keep && !oldest_is_sound) {
+                Some(0)
+            } else if self.closed.len() >= 2 * keep {
+                self.closed.iter().position(|closed| !closed.is_sound)
+            } else {
+                None
+            };
+            let Some(old) = index.and_then(|index| self.closed.remove(index)) else { return };
+            // The file may have been deleted already.
+            let _ = self.disk.remove(old.number);
+        }
     }
 
     /// A write succeeded.
     fn recovered(&mut self) {
-        let Some(outage) = self.outage.take().filter(|outage| outage.is_reported) else { return };
+        let Some(outage) = self.outage.take() else { return };
+        self.delete_leftover();
+        if !outage.is_reported {
+            return;
+        }
         let gap = match self.lost - outage.lost_before {
             0 => "nothing is missing".into(),
             lost => format!("{lost} chunks are missing"),
@@ -272,113 +340,32 @@ impl<D: Disk> Tape<D> {
 
     /// A write failed.
     fn failed(&mut self, error: &io::Error) {
+        self.errors += 1;
         let (now, lost) = (self.now, self.lost);
-        let outage =
-            self.outage.get_or_insert(Outage { since: now, retry_at: now, lost_before: lost, is_reported: false });
-        outage.retry_at = now + RETRY_PERIOD;
-        let is_room = !matches!(error.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded);
-        let is_hopeless = is_room && outage.since + GIVE_UP <= now;
+        let outage = self.outage.get_or_insert_with(|| Outage::begin(now, lost));
+        let is_hopeless = outage.fail(now, error);
         if now >= self.notice_at {
             outage.is_reported = true;
             self.notice_at = now + NOTICE_PERIOD;
+            let next_s = outage.retry_at.seconds_since(now);
             self.notices.push_back(format!(
-                "recording waits: {}: {error}; mapping continues, {} kB wait in memory, next attempt in a second",
+                "recording waits: {}: {error}; mapping continues, {} kB wait in memory, next attempt in {next_s:.0} s",
                 self.disk.path(self.part.number).display(),
                 self.waiting_bytes() >> 10,
             ));
         }
         if is_hopeless {
-            let (number, unwritten) = (self.part.number, self.part.encoded);
+            let (given_up, held, unwritten) = (self.part.number, self.part.held, self.part.encoded);
             // The next attempt meets and reports a further failure.
-            let _ = self.next_part(now);
-            if self.part.number != number {
+            if self.next_part(now).is_ok() {
                 self.lost += unwritten;
-            }
-        }
-    }
-}
-
-impl<F: Write> Part<F> {
-    fn begin<D: Disk<File = F>>(disk: &mut D, info: &CaptureInfo, number: u32, began: Timestamp) -> io::Result<Self> {
-        let file = disk.create(number)?;
-        let memory = Memory::default();
-        let writer = CaptureWriter::begin(memory.clone(), &disk.path(number), info).map_err(io::Error::other)?;
-        Ok(Self { number, file, writer, memory, began, written: 0, is_used: false, encoded: 0, open: 0 })
-    }
-
-    /// Begins the first file from `number` on that does not exist.
-    fn begin_next<D: Disk<File = F>>(
-        disk: &mut D,
-        info: &CaptureInfo,
-        mut number: u32,
-        began: Timestamp,
-    ) -> io::Result<Self> {
-        loop {
-            match Self::begin(disk, info, number, began) {
-                Err(error) if error.kind() == ErrorKind::AlreadyExists && number < u32::MAX => number += 1,
-                begun => return begun,
-            }
-        }
-    }
-
-    fn encode(&mut self, chunk: &Chunk) -> io::Result<()> {
-        let closed = self.memory.len();
-        match chunk {
-            Chunk::Received(at, bytes) => self.writer.received(*at, bytes),
-            Chunk::Sent(at, bytes) => self.writer.sent(*at, bytes),
-            Chunk::Opened(at) => self.writer.opened(*at),
-        }
-        .map_err(io::Error::other)?;
-        self.open = if self.memory.len() > closed { 1 } else { self.open + 1 };
-        (self.is_used, self.encoded) = (true, self.encoded + 1);
-        Ok(())
-    }
-
-    /// Writes the encoded bytes to the file.
-    fn drain(&mut self) -> io::Result<()> {
-        let mut memory = self.memory.0.lock().unwrap_or_else(PoisonError::into_inner);
-        while !memory.is_empty() {
-            match self.file.write(&memory) {
-                Ok(0) => return Err(ErrorKind::WriteZero.into()),
-                Ok(count) => {
-                    memory.drain(..count);
-                    self.written += count as u64;
+                if held == 0 {
+                    self.leftover = Some(given_up);
+                    self.delete_leftover();
+                } else {
+                    self.closed.push_back(Closed { number: given_up, is_sound: false });
                 }
-                Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) => return Err(error),
             }
         }
-        if self.writer.flush_in().is_none() {
-            self.open = 0;
-        }
-        self.encoded = self.open;
-        Ok(())
-    }
-
-    fn close(&mut self) -> io::Result<()> {
-        self.writer.end().map_err(io::Error::other)?;
-        self.drain()?;
-        self.file.flush()
-    }
-}
-
-/// The buffer that the capture writer writes to; it never fails.
-#[derive(Clone, Default)]
-struct Memory(Arc<Mutex<Vec<u8>>>);
-
-impl Memory {
-    fn len(&self) -> usize {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).len()
-    }
-}
-
-impl Write for Memory {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(bytes);
-        Ok(bytes.len())
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
     }
 }

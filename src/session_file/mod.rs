@@ -27,7 +27,7 @@ pub use saver::Saver;
 use crc::{CRC_32_ISO_HDLC, Crc};
 use slamd_core::SavedState;
 use slamd_core::saved_state::FoundRobot;
-use slamd_files::{PartFile, WriteError};
+use slamd_files::{PartFile, WriteError, regular};
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
@@ -208,7 +208,7 @@ fn checksum(version: [u8; 4], length: [u8; 8], payload: &[u8]) -> u32 {
 /// When the file cannot be read or holds no session; the error names the file.
 pub fn read(path: &Path) -> Result<SavedState, FileError> {
     let io = |source| FileError::Io { path: path.into(), source };
-    let file = std::fs::File::open(path).map_err(io)?;
+    let file = regular::open(path).map_err(io)?;
     let size = file.metadata().map_err(io)?.len();
     let mut bytes = Vec::new();
     if size <= MAX_BYTES {

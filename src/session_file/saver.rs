@@ -2,9 +2,11 @@
 
 use super::{FileError, write};
 use crate::priority;
+use crate::recorder::DiskHealth;
 use crate::source::checkpoints::PERIOD;
 use slamd_core::{SavedState, Timestamp};
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::thread::JoinHandle;
 
 /// Writes a session file every ten seconds, and at the end.
@@ -13,13 +15,20 @@ pub struct Saver {
     path: PathBuf,
     next: Timestamp,
     writing: Option<JoinHandle<Result<(), FileError>>>,
+    health: Arc<DiskHealth>,
 }
 
 impl Saver {
     /// A saver that has not saved yet.
     #[must_use]
     pub fn new(path: PathBuf) -> Self {
-        Self { path, next: Timestamp::default() + PERIOD, writing: None }
+        Self { path, next: Timestamp::default() + PERIOD, writing: None, health: Arc::default() }
+    }
+
+    /// Reports to `health` whether the saves succeed.
+    #[must_use]
+    pub fn with_health(self, health: Arc<DiskHealth>) -> Self {
+        Self { health, ..self }
     }
 
     /// Saves the state from `state` in its own thread if a save is due and the last one has ended.
@@ -28,7 +37,9 @@ impl Saver {
             return;
         }
         self.next = at + PERIOD;
-        if let Err(error) = self.join() {
+        let last = self.join();
+        self.health.session(&last);
+        if let Err(error) = last {
             tracing::warn!("the session was not saved: {error}; retrying in 10 s");
         }
         if let Some(state) = state() {

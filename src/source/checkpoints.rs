@@ -2,8 +2,10 @@
 
 use super::session::Session;
 use crate::priority;
+use crate::recorder::DiskHealth;
 use slamd_core::Timestamp;
 use slamd_publish::WriteError;
+use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -16,15 +18,16 @@ pub struct Checkpoints {
     next: Timestamp,
     writing: Option<JoinHandle<Result<(), WriteError>>>,
     has_failed: bool,
-}
-
-impl Default for Checkpoints {
-    fn default() -> Self {
-        Self { next: Timestamp::default() + PERIOD, writing: None, has_failed: false }
-    }
+    health: Arc<DiskHealth>,
 }
 
 impl Checkpoints {
+    /// Checkpoints that have not begun.
+    #[must_use]
+    pub fn new(health: Arc<DiskHealth>) -> Self {
+        Self { next: Timestamp::default() + PERIOD, writing: None, has_failed: false, health }
+    }
+
     /// Begins a checkpoint in its own thread if one is due and the last one has ended.
     pub fn tick(&mut self, session: &mut Session) {
         let at = session.now();
@@ -34,6 +37,7 @@ impl Checkpoints {
         self.next = at + PERIOD;
         let last = self.join();
         let begun = last.and_then(|()| session.checkpoint());
+        self.health.output(&begun.as_ref().map(|_| ()));
         match begun {
             Ok(checkpoint) => {
                 self.has_failed = false;

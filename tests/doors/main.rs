@@ -1,6 +1,8 @@
-//! What other programs connect to: JSON API, Prometheus, MQTT, Rerun.
+//! What other programs connect to: JSON API, Prometheus, MQTT, Rerun; and the log.
 
 mod api;
+mod limits;
+mod log;
 #[cfg(feature = "mqtt")]
 mod mqtt;
 mod prometheus;

@@ -4,6 +4,7 @@
 
 use slamd_testkit::mock_port::daemon::Daemon;
 use slamd_testkit::mock_port::{Board, Device, Plugged};
+use slamd_testkit::served::get;
 use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
@@ -42,12 +43,23 @@ fn a_full_disk_blocks_nothing_and_loses_nothing() {
     command.env("DISK", &disk).env("KEPT", &kept).args(["-rm", "sh", "-ec", ON_A_SMALL_DISK, "sh", SLAMD, "--port"]);
     command.arg(&port).args(["--duration", "25", "--record-free-mib", "0"]);
     command.arg("--record").arg(disk.join("drive.mcap")).arg("--out").arg(disk.join("out"));
+    command.args(["--metrics", "127.0.0.1:0"]);
     if cfg!(feature = "viewer") {
         command.args(["--viewer", "off"]);
     }
     let mut daemon = Daemon::run(command);
+    let (_, listening) = daemon.line("api: listening at http://", SOON);
+    let address = listening.rsplit('/').next().unwrap().to_owned();
+    let well = get(&address, "/metrics", "");
+    assert!(well.contains("\nslamd_disk_failing 0\n") && well.contains("\nslamd_recording_errors_total 0\n"), "{well}");
     daemon.expect("drive.mcap: No space left on device (os error 28); mapping continues", SOON);
     daemon.expect("trajectory.tum: No space left on device (os error 28); it waits in memory", SOON);
+    // Mapping goes on, and the pages know the disk.
+    let health = get(&address, "/healthz", "");
+    assert!(health.starts_with("HTTP/1.1 200 ") && health.contains("\ndisk: recording: "), "{health}");
+    let metrics = get(&address, "/metrics", "");
+    assert!(metrics.contains("\nslamd_disk_failing 1\n"), "{metrics}");
+    assert!(!metrics.contains("\nslamd_recording_errors_total 0\n"), "{metrics}");
     std::fs::remove_file(format!("/proc/{}/root{}", daemon.pid(), disk.join("ballast").display())).unwrap();
     daemon.expect("recording continues after", SOON);
     assert!(daemon.has_said("nothing is missing"));

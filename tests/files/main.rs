@@ -1,9 +1,11 @@
 //! Files that slamd writes and reads: recordings, session files, ROS 2 bags.
 
 mod cases;
+mod disk_errors;
 mod full_disk;
 mod import_bag;
 mod kill;
+mod links;
 mod outputs;
 mod power_cut;
 mod recording;

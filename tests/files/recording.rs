@@ -8,6 +8,7 @@ use slamd_capture::{CaptureInfo, CaptureReader, Record};
 use slamd_core::Timestamp;
 use slamd_testkit::faulty_disk::{FaultyDisk, IoMode, record};
 use std::os::unix::fs::PermissionsExt as _;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// A chunk every 20 ms, at 6 kB/s.
@@ -187,7 +188,7 @@ fn recordings_are_private_and_spare_other_files() {
     let target = folder.path().join("kept");
     let name = Folder::numbered(&target, "drive").unwrap();
     std::fs::write(target.join("drive-0002.mcap"), "an old one").unwrap();
-    let mut recorder = Recorder::begin(name, info.clone(), plan).unwrap();
+    let mut recorder = Recorder::begin(name, info.clone(), plan, Arc::default()).unwrap();
     (0..10).for_each(|i| recorder.record(Chunk::Received(Timestamp::from_us(i * 100_000), Bytes::from_static(b"abc"))));
     assert_eq!(recorder.finish(), Losses::default());
     assert_eq!(std::fs::read(target.join("drive-0002.mcap")).unwrap(), b"an old one");
@@ -197,7 +198,7 @@ fn recordings_are_private_and_spare_other_files() {
     let path = folder.path().join("drive.mcap");
     std::fs::write(&path, "old").unwrap();
     std::os::unix::fs::symlink("nowhere", folder.path().join("drive-0002.mcap")).unwrap();
-    let recorder = Recorder::begin(Folder::file(&path), info, Plan::default()).unwrap();
+    let recorder = Recorder::begin(Folder::file(&path), info, Plan::default(), Arc::default()).unwrap();
     assert_eq!(recorder.finish(), Losses::default());
     assert_eq!(std::fs::read(&path).unwrap(), b"old");
     assert!(!folder.path().join("nowhere").exists());
@@ -213,7 +214,7 @@ fn only_a_recordings_own_files_are_deleted() {
         std::fs::write(folder.path().join(format!("drive-{number:04}.mcap")), "another's").unwrap();
     }
     let name = Folder::numbered(folder.path(), "drive").unwrap();
-    let mut recorder = Recorder::begin(name, CaptureInfo::default(), plan).unwrap();
+    let mut recorder = Recorder::begin(name, CaptureInfo::default(), plan, Arc::default()).unwrap();
     (0..9).for_each(|i| recorder.record(Chunk::Received(Timestamp::from_us(i * 100_000), Bytes::from_static(b"abc"))));
     assert_eq!(recorder.finish(), Losses::default());
     for number in [1, 2, 4, 6] {
@@ -224,7 +225,8 @@ fn only_a_recordings_own_files_are_deleted() {
 
 #[test]
 fn a_recording_that_cannot_begin_is_refused_with_the_cause() {
-    let full = Recorder::begin(Folder::file("/dev/full".as_ref()), CaptureInfo::default(), Plan::default());
+    let full =
+        Recorder::begin(Folder::file("/dev/full".as_ref()), CaptureInfo::default(), Plan::default(), Arc::default());
     let error = full.err().unwrap().to_string();
     assert!(error.starts_with("/dev/full: No space left on device"), "{error}");
     let disk = FaultyDisk::default();

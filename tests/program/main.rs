@@ -13,5 +13,6 @@ mod package;
 mod service;
 mod setup;
 mod setup_terminal;
+mod startup;
 mod systemd;
 mod udev;

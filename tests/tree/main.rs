@@ -5,3 +5,4 @@ mod input_path;
 mod layering;
 mod people;
 mod reliability;
+mod security;

@@ -10,6 +10,7 @@
 
 mod foreign;
 mod reader;
+mod salvage;
 mod writer;
 
 pub use reader::CaptureReader;
@@ -131,6 +132,8 @@ pub enum CaptureError {
 }
 
 const METADATA_NAME: &str = "slamd";
+/// How a capture names the program that wrote it.
+const LIBRARY: &str = "slamd ";
 const FAULT_SEPARATOR: char = ',';
 
 impl CaptureInfo {

@@ -1,24 +1,28 @@
 //! Reads a capture from the first byte to the last, with one chunk in memory at a time.
 //!
-//! A chunk is used only if its checksum is right. If the file is cut or damaged, the reader returns
-//! everything before the damage, and [`CaptureReader::damage`] says what is missing.
+//! A chunk is used only if its checksum is right. Where the file is damaged, the reader goes on at the next sound chunk; of a file that
+//! is cut it returns everything before the cut. [`CaptureReader::damage`] says what is missing.
 
 use super::foreign::{MAX_TOPICS, Seen};
-use super::{CaptureError, CaptureInfo, METADATA_NAME, RECEIVED_TOPIC, Record, SENT_TOPIC, TRUTH_TOPIC, TruthMessage};
+use super::salvage::{RECORD_HEAD, Source};
+use super::{
+    CaptureError, CaptureInfo, LIBRARY, METADATA_NAME, RECEIVED_TOPIC, Record, SENT_TOPIC, TRUTH_TOPIC, TruthMessage,
+};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use mcap::records::{ChunkHeader, Record as McapRecord};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{MAGIC, McapError};
 use slamd_core::{Pose2, Timestamp};
+use slamd_files::regular;
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
-use std::io::{self, BufReader, Read};
+use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
 /// Reads one capture: an iterator over its records in file order.
 pub struct CaptureReader<R: Read = BufReader<File>> {
     path: PathBuf,
-    file: R,
+    source: Source<R>,
     mcap: LinearReader,
     info: CaptureInfo,
     channels: BTreeMap<u16, Topic>,
@@ -27,13 +31,30 @@ pub struct CaptureReader<R: Read = BufReader<File>> {
     /// The error to return after the pending records.
     failure: Option<CaptureError>,
     last: Timestamp,
+    /// Messages read, as the file's statistics count them.
+    messages: u64,
+    holes: Holes,
     damage: Option<String>,
     finished: bool,
     /// The MCAP profile, once it is known.
     profile: Option<String>,
     is_described: bool,
+    /// Written by slamd itself, not rewritten by another program.
+    is_own: bool,
     /// The first topics.
     topics: Vec<String>,
+}
+
+/// What is missing in a file.
+#[derive(Default)]
+struct Holes {
+    count: u32,
+    /// The last sound record before the first damage, and what the damage is.
+    first: Option<(Timestamp, String)>,
+    /// Nothing was found behind the last damage.
+    has_no_end: bool,
+    /// The end is missing.
+    is_cut: bool,
 }
 
 #[derive(Clone, Copy)]
@@ -50,7 +71,7 @@ impl CaptureReader {
     /// When the file cannot be read, is empty, or is not a capture. A truncated capture is no error: the recorder may have been killed at
     /// any time.
     pub fn open(path: &Path) -> Result<Self, CaptureError> {
-        let file = File::open(path).map_err(|source| CaptureError::Io { path: path.into(), source })?;
+        let file = regular::open(path).map_err(|source| CaptureError::Io { path: path.into(), source })?;
         Self::begin(BufReader::new(file), path)
     }
 }
@@ -71,27 +92,26 @@ impl<R: Read> CaptureReader<R> {
         if magic.is_empty() {
             return Err(CaptureError::Empty(path.into()));
         }
-        let options = LinearReaderOptions::default()
-            .with_skip_start_magic(true)
-            .with_emit_chunks(true)
-            .with_record_length_limit(RECORD_LIMIT);
         let mut reader = Self {
             path: path.into(),
-            file,
-            mcap: LinearReader::new_with_options(options),
+            source: Source::new(file),
+            mcap: parser(),
             info: CaptureInfo::default(),
             channels: BTreeMap::new(),
             pending: VecDeque::new(),
             failure: None,
             last: Timestamp::default(),
+            messages: 0,
+            holes: Holes::default(),
             damage: None,
             finished: false,
             profile: None,
             is_described: false,
+            is_own: false,
             topics: Vec::new(),
         };
         if magic.len() < MAGIC.len() {
-            reader.stop(McapError::UnexpectedEof)?;
+            reader.damaged(Damage::End)?;
         }
         // The description precedes the first record.
         let first = reader.advance();
@@ -102,6 +122,9 @@ impl<R: Read> CaptureReader<R> {
                 is_compressed: matches!(first, Err(CaptureError::Compressed { .. })),
             };
             seen.complaint(path).map_or(Ok(()), Err)?;
+            if reader.damage.is_none() {
+                reader.hole("it has no description");
+            }
         }
         if let Some(first) = first? {
             reader.pending.push_front(first);
@@ -144,47 +167,58 @@ impl<R: Read> CaptureReader<R> {
             }
             Some(Ok(LinearReadEvent::ReadRequest(wanted))) => return self.read(wanted),
             Some(Ok(LinearReadEvent::Record { opcode, data })) => {
-                mcap::parse_record(opcode, data).map(McapRecord::into_owned)
+                mcap::parse_record(opcode, data).map(|record| (RECORD_HEAD + data.len(), record.into_owned()))
             }
             Some(Err(error)) => Err(error),
         };
-        match record {
-            Ok(McapRecord::Chunk { header, data }) => self.chunk(&header, &data),
-            Ok(record) => self.take(record),
-            Err(error) => self.stop(error),
+        let handled = match record {
+            Ok((length, McapRecord::Chunk { header, data })) => self.chunk(&header, &data)?.map(|()| length),
+            Ok((length, record)) => self.take(record)?.map(|()| length),
+            Err(error) => Err(error.into()),
+        };
+        match handled {
+            Ok(length) => self.source.advance(length),
+            Err(damage) => self.damaged(damage)?,
         }
+        Ok(())
     }
 
     /// Handles the records of a chunk if its checksum is right. The loop splits the records itself,
     /// because the library trusts their lengths.
-    fn chunk(&mut self, header: &ChunkHeader, mut rest: &[u8]) -> Result<(), CaptureError> {
+    fn chunk(&mut self, header: &ChunkHeader, mut rest: &[u8]) -> Result<Result<(), Damage>, CaptureError> {
         if !header.compression.is_empty() {
-            return self.stop(McapError::UnsupportedCompression(header.compression.clone()));
+            let (path, compression) = (self.path.clone(), header.compression.clone());
+            return Err(CaptureError::Compressed { path, compression });
         }
         let (saved, calculated) = (header.uncompressed_crc, CRC.checksum(rest));
         if saved != 0 && saved != calculated {
-            return self.stop(McapError::BadChunkCrc { saved, calculated });
+            return Ok(Err(McapError::BadChunkCrc { saved, calculated }.into()));
         }
         while let (false, Some((&opcode, behind))) = (self.finished, rest.split_first()) {
             let split = behind.split_first_chunk().and_then(|(length, behind)| {
                 behind.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)
             });
             let Some((body, behind)) = split else {
-                self.damaged("a record that is longer than its chunk");
-                break;
+                return Ok(Err(Damage::Other("a record that is longer than its chunk".into())));
             };
-            match mcap::parse_record(opcode, body) {
+            let handled = match mcap::parse_record(opcode, body) {
                 Ok(record) => self.take(record)?,
-                Err(error) => self.stop(error)?,
+                Err(error) => Err(error.into()),
+            };
+            if handled.is_err() {
+                return Ok(handled);
             }
             rest = behind;
         }
-        Ok(())
+        Ok(Ok(()))
     }
 
-    fn take(&mut self, record: McapRecord<'_>) -> Result<(), CaptureError> {
+    fn take(&mut self, record: McapRecord<'_>) -> Result<Result<(), Damage>, CaptureError> {
         match record {
-            McapRecord::Header(header) => self.profile = Some(header.profile),
+            McapRecord::Header(header) => {
+                self.is_own = header.library.starts_with(LIBRARY);
+                self.profile = Some(header.profile);
+            }
             McapRecord::Metadata(metadata) if metadata.name == METADATA_NAME => {
                 self.is_described = true;
                 self.info = CaptureInfo::from_metadata(metadata.metadata);
@@ -198,6 +232,11 @@ impl<R: Read> CaptureReader<R> {
                 }
             }
             McapRecord::Message { header, data } => {
+                self.messages += 1;
+                if self.channels.is_empty() && self.is_own && self.is_described {
+                    self.hole("its topics are not named");
+                    self.channels = OWN_CHANNELS.into();
+                }
                 if let Some(&topic) = self.channels.get(&header.channel_id) {
                     let record = self.record(topic, Timestamp::from_us(header.log_time / 1000), data.into_owned())?;
                     self.pending.push_back(record);
@@ -207,25 +246,22 @@ impl<R: Read> CaptureReader<R> {
                 }
             }
             McapRecord::Unknown { opcode, .. } if opcode < PRIVATE_OPCODES => {
-                self.damaged(&format!("a record of type {opcode:#04x}, which MCAP does not have"));
+                return Ok(Err(Damage::Other(format!("a record of type {opcode:#04x}, which MCAP does not have"))));
+            }
+            // A chunk whose type was damaged is no chunk any more.
+            McapRecord::Statistics(counted) if counted.message_count > self.messages && self.holes.count == 0 => {
+                self.hole(&format!("it held {} messages, and {} are there", counted.message_count, self.messages));
             }
             _ => {}
         }
-        Ok(())
+        Ok(Ok(()))
     }
 
     fn read(&mut self, wanted: usize) -> Result<(), CaptureError> {
-        let buffer = self.mcap.insert(wanted.min(READ_LIMIT));
-        loop {
-            match self.file.read(buffer) {
-                Ok(length) => {
-                    self.mcap.notify_read(length);
-                    return Ok(());
-                }
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                Err(source) => return Err(CaptureError::Io { path: self.path.clone(), source }),
-            }
-        }
+        let read = self.source.read(self.mcap.insert(wanted.min(READ_LIMIT)));
+        let length = read.map_err(|source| CaptureError::Io { path: self.path.clone(), source })?;
+        self.mcap.notify_read(length);
+        Ok(())
     }
 
     fn record(&mut self, topic: Topic, at: Timestamp, bytes: Vec<u8>) -> Result<Record, CaptureError> {
@@ -250,33 +286,78 @@ impl<R: Read> CaptureReader<R> {
         })
     }
 
-    /// Stops at an error. It becomes a description of the damage, unless the file is whole but
-    /// compressed.
-    fn stop(&mut self, error: McapError) -> Result<(), CaptureError> {
-        match error {
-            McapError::UnsupportedCompression(compression) => {
-                return Err(CaptureError::Compressed { path: self.path.clone(), compression });
+    /// Goes on at the next sound chunk. Without the description, which is the robot's configuration, there is nothing to go on to.
+    fn damaged(&mut self, damage: Damage) -> Result<(), CaptureError> {
+        let sought = if self.is_described { self.source.seek_chunk() } else { Ok(false) };
+        let is_found = sought.map_err(|source| CaptureError::Io { path: self.path.clone(), source })?;
+        (self.finished, self.mcap) = (!is_found, parser());
+        match damage {
+            Damage::End if !is_found => {
+                self.holes.is_cut = true;
+                self.describe();
             }
-            McapError::UnexpectedEof => {
-                self.finished = true;
-                self.damage = Some(format!(
-                    "the file was not finished: it holds everything up to {:.3} s, and what was recorded after that \
-                     (0.1 s where the recorder was killed) is missing",
-                    self.last.seconds()
-                ));
+            Damage::End => self.hole("a record that is longer than the file"),
+            Damage::Other(what) => {
+                self.holes.has_no_end = !is_found;
+                self.hole(&what);
             }
-            other => self.damaged(&other.to_string()),
         }
         Ok(())
     }
 
-    fn damaged(&mut self, what: &str) {
-        self.finished = true;
-        self.damage = Some(format!(
-            "the file is damaged after {:.3} s and nothing after that was read: {what}",
-            self.last.seconds()
-        ));
+    /// Something is missing behind the last record.
+    fn hole(&mut self, what: &str) {
+        self.holes.count += 1;
+        self.holes.first.get_or_insert_with(|| (self.last, what.into()));
+        self.describe();
     }
+
+    fn describe(&mut self) {
+        let Holes { count, first, has_no_end, is_cut } = &self.holes;
+        let mut parts = Vec::new();
+        if let Some((after, what)) = first {
+            let places = if *count == 1 { String::new() } else { format!(" and in {} more places", count - 1) };
+            let rest =
+                if *has_no_end { "nothing after the last damage was read" } else { "all other chunks were read" };
+            parts.push(format!(
+                "the file is damaged after {:.3} s ({what}){places}; the damaged chunks are missing, and {rest}",
+                after.seconds()
+            ));
+        }
+        if *is_cut {
+            parts.push(format!(
+                "the file was not finished: it holds everything up to {:.3} s, and what was recorded after that \
+                 (0.1 s where the recorder was killed) is missing",
+                self.last.seconds()
+            ));
+        }
+        self.damage = Some(parts.join("; "));
+    }
+}
+
+/// Why a record cannot be used.
+enum Damage {
+    /// The file ends within it.
+    End,
+    Other(String),
+}
+
+impl From<McapError> for Damage {
+    fn from(error: McapError) -> Self {
+        match error {
+            McapError::UnexpectedEof => Self::End,
+            other => Self::Other(other.to_string()),
+        }
+    }
+}
+
+/// A parser of the records after the file's first bytes.
+fn parser() -> LinearReader {
+    let options = LinearReaderOptions::default()
+        .with_skip_start_magic(true)
+        .with_emit_chunks(true)
+        .with_record_length_limit(RECORD_LIMIT);
+    LinearReader::new_with_options(options)
 }
 
 impl<R: Read> Iterator for CaptureReader<R> {
@@ -299,10 +380,12 @@ impl Topic {
 }
 
 /// The checksum of MCAP.
-const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
+pub(super) const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
+/// The channels that the writer adds, in its order: known although the chunk that names them is damaged.
+const OWN_CHANNELS: [(u16, Topic); 3] = [(1, Topic::Received), (2, Topic::Sent), (3, Topic::Truth)];
 /// Record types from here on are for private use and are skipped.
 const PRIVATE_OPCODES: u8 = 0x80;
 /// Maximum length of a record or chunk, bytes. Longer ones are damage: our own chunks hold 0.1 s.
-const RECORD_LIMIT: usize = 64 << 20;
+pub(super) const RECORD_LIMIT: usize = 64 << 20;
 /// Maximum number of bytes per read, so that a damaged length does not reserve memory.
-const READ_LIMIT: usize = 64 << 10;
+pub(super) const READ_LIMIT: usize = 64 << 10;

@@ -1,6 +1,8 @@
 //! Writes a capture so that a kill at any moment loses at most the last [`FLUSH_PERIOD`].
 
-use super::{CaptureError, CaptureInfo, FLUSH_PERIOD, RECEIVED_TOPIC, Record, SENT_TOPIC, TRUTH_TOPIC, TruthMessage};
+use super::{
+    CaptureError, CaptureInfo, FLUSH_PERIOD, LIBRARY, RECEIVED_TOPIC, Record, SENT_TOPIC, TRUTH_TOPIC, TruthMessage,
+};
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 use mcap::{McapError, WriteOptions, Writer};
@@ -206,7 +208,7 @@ fn begin<W: Write>(to: W, info: &CaptureInfo) -> Result<(Writer<NoSeek<W>>, Chan
         .compression(None)
         .disable_seeking(true)
         .profile("slamd")
-        .library(format!("slamd {}", info.slamd_version));
+        .library(format!("{LIBRARY}{}", info.slamd_version));
     let mut writer = options.create(NoSeek::new(to))?;
     writer.write_metadata(&info.to_metadata())?;
     let none = BTreeMap::new();

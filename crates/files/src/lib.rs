@@ -6,6 +6,7 @@ mod folder_lock;
 mod guard;
 mod part_file;
 pub mod private;
+pub mod regular;
 
 pub use folder_lock::{FolderLock, LockError};
 pub use guard::{Output, OutputGuard, Refusal};

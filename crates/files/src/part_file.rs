@@ -7,7 +7,7 @@ use crate::guard::{Output, folder_of, is_stream};
 use crate::private;
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File};
 use std::hash::{BuildHasher as _, Hasher as _, RandomState};
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
@@ -75,7 +75,7 @@ impl PartFile {
     fn open(path: &Path, replaces: bool) -> Result<Self, WriteError> {
         let is_stream = fs::metadata(path).is_ok_and(|metadata| is_stream(&metadata));
         let opened = if is_stream {
-            OpenOptions::new().write(true).open(path).map(|file| (file, None))
+            private::open_stream(path).map(|file| (file, None))
         } else {
             temporary(path).map(|(file, path)| (file, Some(path)))
         };

@@ -1,22 +1,44 @@
 //! Files and folders that only their owner may read, because the map of a home and the robot's path
 //! in it are private.
 
+use crate::regular;
+use rustix::fs::OFlags;
 use std::fs::{DirBuilder, File, OpenOptions, Permissions};
-use std::io;
-use std::os::unix::fs::{DirBuilderExt as _, OpenOptionsExt as _, PermissionsExt as _};
+use std::io::{self, ErrorKind};
+use std::os::unix::fs::{DirBuilderExt as _, MetadataExt as _, OpenOptionsExt as _, PermissionsExt as _};
 use std::path::Path;
 
 const FILE: u32 = 0o600;
 const FOLDER: u32 = 0o700;
+/// Largest file of a secret.
+const MAX_SECRET_BYTES: u64 = 64 << 10;
 
-/// Creates a file or empties the existing one, and removes the access of others.
+/// Creates a file or empties the existing one, and removes the access of others. A file that is reached through a link, or has another name,
+/// may be somebody else's and is kept.
 ///
 /// # Errors
-/// When it cannot be created.
+/// When it cannot be created, or is a link or has a second name.
 pub fn create_file(path: &Path) -> io::Result<File> {
-    let file = OpenOptions::new().write(true).create(true).truncate(true).mode(FILE).open(path)?;
+    let flags = OFlags::NOFOLLOW.bits().cast_signed();
+    let file = OpenOptions::new().write(true).create(true).truncate(false).mode(FILE).custom_flags(flags).open(path)?;
+    let metadata = file.metadata()?;
+    if metadata.is_file() {
+        if metadata.nlink() > 1 {
+            return Err(io::Error::new(ErrorKind::AlreadyExists, "the file has another name, too"));
+        }
+        file.set_len(0)?;
+    }
     close_to_others(&file)?;
     Ok(file)
+}
+
+/// Opens a pipe or a device that the user named as an output. It may be reached through a link.
+///
+/// # Errors
+/// When it cannot be opened; [`ErrorKind::AlreadyExists`] when it is a file.
+pub fn open_stream(path: &Path) -> io::Result<File> {
+    let file = OpenOptions::new().write(true).open(path)?;
+    if file.metadata()?.is_file() { Err(ErrorKind::AlreadyExists.into()) } else { Ok(file) }
 }
 
 /// Creates a new file.
@@ -50,11 +72,12 @@ pub fn first_line(path: &Path) -> Result<String, String> {
 /// contains the file's text.
 pub fn secret(path: &Path) -> Result<String, String> {
     let system = |error: io::Error| format!("{error}; name a file that holds the secret");
-    let mode = std::fs::metadata(path).map_err(system)?.permissions().mode() & 0o777;
+    let file = regular::open(path).map_err(system)?;
+    let mode = file.metadata().map_err(system)?.permissions().mode() & 0o777;
     if mode & 0o077 != 0 {
         return Err(format!("others may use it (mode {mode:o}): `chmod 600` keeps it to its owner"));
     }
-    std::fs::read_to_string(path).map_err(system)
+    regular::rest_of(file, MAX_SECRET_BYTES).and_then(regular::text).map_err(system)
 }
 
 /// Removes the access of others, because an existing file keeps its mode when it is opened. Pipes and

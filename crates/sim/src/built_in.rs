@@ -5,6 +5,9 @@ use super::world::World;
 use slamd_core::Point;
 
 impl World {
+    /// Largest world file that is read, bytes.
+    pub const MAX_FILE_BYTES: u64 = 1 << 20;
+
     /// The names of the built-in worlds.
     pub const BUILT_IN: [&'static str; 5] = ["flat", "office", "furnished", "home", "room"];
 

@@ -1,6 +1,6 @@
 //! A disk in memory that fails in the ways that disks do.
 
-use slamd::recorder::{Chunk, Disk};
+use slamd::recorder::{Chunk, Disk, Presence};
 use slamd_capture::{CaptureReader, Record};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -20,6 +20,8 @@ pub enum IoMode {
     Room(usize),
     /// Fails with EIO.
     Broken,
+    /// Creates files, and fails with EIO at each write.
+    NamesOnly,
     /// Fails with EIO in files that exist; takes new ones: it was taken out and put back.
     Stale,
 }
@@ -30,6 +32,14 @@ pub struct State {
     pub free_bytes: Option<u64>,
     pub files: BTreeMap<u32, Vec<u8>>,
     pub removed: Vec<u32>,
+    /// Files created so far.
+    pub created: u64,
+    /// The calls that fail with EIO, by their numbers from 0 on.
+    pub failing_calls: std::ops::Range<u64>,
+    /// Calls so far.
+    pub calls: u64,
+    /// Files under another name.
+    pub renamed: Vec<u32>,
     stale: Vec<u32>,
 }
 
@@ -75,22 +85,44 @@ impl FaultyDisk {
     }
 }
 
+impl State {
+    /// Counts a call, and fails where it shall.
+    fn call(&mut self) -> io::Result<()> {
+        let number = self.calls;
+        self.calls += 1;
+        if self.failing_calls.contains(&number) { Err(io::Error::from_raw_os_error(5)) } else { Ok(()) }
+    }
+}
+
 impl Disk for FaultyDisk {
     type File = FaultyFile;
 
     fn create(&mut self, part: u32) -> io::Result<FaultyFile> {
         let mut state = self.0.borrow_mut();
+        state.call()?;
         match state.mode {
             IoMode::Broken => return Err(io::Error::from_raw_os_error(5)),
             IoMode::Room(0) => return Err(ErrorKind::StorageFull.into()),
             _ => {}
         }
+        state.created += 1;
         state.files.insert(part, Vec::new());
         Ok(FaultyFile { disk: self.clone(), part })
     }
 
+    fn presence(&mut self, part: u32, _: &FaultyFile) -> io::Result<Presence> {
+        let mut state = self.0.borrow_mut();
+        state.call()?;
+        Ok(match state.files.contains_key(&part) {
+            _ if state.renamed.contains(&part) => Presence::Renamed,
+            true => Presence::There,
+            false => Presence::Removed,
+        })
+    }
+
     fn remove(&mut self, part: u32) -> io::Result<()> {
         let mut state = self.0.borrow_mut();
+        state.call()?;
         state.removed.push(part);
         state.files.remove(&part).map(drop).ok_or_else(|| ErrorKind::NotFound.into())
     }
@@ -107,9 +139,10 @@ impl Disk for FaultyDisk {
 impl Write for FaultyFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let mut state = self.disk.0.borrow_mut();
+        state.call()?;
         let State { mode, files, stale, .. } = &mut *state;
         let count = match mode {
-            IoMode::Broken => return Err(io::Error::from_raw_os_error(5)),
+            IoMode::Broken | IoMode::NamesOnly => return Err(io::Error::from_raw_os_error(5)),
             IoMode::Stale if stale.contains(&self.part) => return Err(io::Error::from_raw_os_error(5)),
             IoMode::Room(0) => return Err(ErrorKind::StorageFull.into()),
             IoMode::Room(room) => {
@@ -128,7 +161,9 @@ impl Write for FaultyFile {
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        match self.disk.0.borrow().mode {
+        let mut state = self.disk.0.borrow_mut();
+        state.call()?;
+        match state.mode {
             IoMode::Broken => Err(io::Error::from_raw_os_error(5)),
             _ => Ok(()),
         }

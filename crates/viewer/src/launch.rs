@@ -33,17 +33,17 @@ impl Installed {
         self.open(&["--port", "auto", "--hide-welcome-screen", "--memory-limit", "2GB", url]).map(drop)
     }
 
-    /// Starts its web server on this machine, for the data served at `url`. Returns the link to open.
+    /// Starts its web server on this machine, for the data served at `url`. Returns the link to open and the page's port.
     ///
     /// # Errors
     /// When the viewer cannot be started.
-    pub(super) fn web(&self, url: &str) -> std::io::Result<(Opened, String)> {
+    pub(super) fn web(&self, url: &str) -> std::io::Result<(Opened, String, u16)> {
         let (page, proxy) = (free_port()?, free_port()?);
         let (page_port, proxy_port) = (page.to_string(), proxy.to_string());
         let ports = ["--web-viewer-port", &page_port, "--port", &proxy_port];
         let child = self.open(&[&["--serve-web", "--bind", "127.0.0.1"][..], &ports, &[url]].concat())?;
         let target = url.replace('+', "%2B");
-        Ok((Opened(child), format!("http://127.0.0.1:{page}?url={target}&hide_welcome_screen=1")))
+        Ok((Opened(child), format!("http://127.0.0.1:{page}?url={target}&hide_welcome_screen=1"), page))
     }
 
     /// Starts the viewer in a process group of its own, so that the terminal's Ctrl-C does not end it.

@@ -10,6 +10,7 @@
 
 mod chart;
 mod choice;
+mod door;
 mod known;
 mod launch;
 mod layout;
@@ -31,9 +32,10 @@ pub use sink::Identity;
 pub use tap::Tap;
 
 use choice::{reached, url};
+use door::Door;
 use mailbox::{Inbox, Mailbox, mailbox};
 use slamd_core::Watcher;
-use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::net::{SocketAddr, TcpStream};
 use std::path::Path;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
@@ -44,6 +46,8 @@ pub struct Viewer {
     is_patient: bool,
     sinks: Vec<Sink>,
     serves: Option<SocketAddr>,
+    /// The port that viewers connect to.
+    door: Option<Door>,
     opened: Vec<Opened>,
 }
 
@@ -61,7 +65,7 @@ impl Viewer {
     /// updates: for a replay.
     #[must_use]
     pub fn new(identity: Identity, is_patient: bool) -> Self {
-        Self { identity, is_patient, sinks: Vec::new(), serves: None, opened: Vec::new() }
+        Self { identity, is_patient, sinks: Vec::new(), serves: None, door: None, opened: Vec::new() }
     }
 
     /// Adds a sink that writes a recording.
@@ -86,12 +90,13 @@ impl Viewer {
         if self.serves == Some(address) {
             return true;
         }
-        // Rerun would fail on another thread without reporting the error.
-        let free = TcpListener::bind(address).map(drop);
-        let rec = free.map_err(|error| error.to_string());
-        let rec = rec.and_then(|()| self.identity.server(address).map_err(|error| error.to_string()));
-        let rec = match rec {
-            Ok(rec) => rec,
+        let door = door::hidden_address().and_then(|behind| Ok((behind, Door::open(address, behind)?)));
+        let opened = door.map_err(|error| error.to_string()).and_then(|(behind, door)| {
+            let rec = self.identity.server(behind).map_err(|error| error.to_string())?;
+            Ok((rec, door))
+        });
+        let (rec, door) = match opened {
+            Ok(opened) => opened,
             Err(error) => {
                 tracing::warn!(
                     "viewer: nothing is served at {address}: {error}; if a viewer listens there, use --viewer connect; \
@@ -109,6 +114,7 @@ impl Viewer {
                 std::mem::forget(rec);
             }
         });
+        self.door = Some(door);
         self.serves = Some(address);
         tracing::info!("viewer: watch with `rerun {}`, or in a browser with --viewer web", url(address));
         true
@@ -128,7 +134,8 @@ impl Viewer {
     pub fn web(&mut self) {
         let Some(url) = self.served() else { return };
         match Installed::find().map_or_else(|| Err(std::io::Error::other(NO_VIEWER)), |viewer| viewer.web(&url)) {
-            Ok((opened, link)) => {
+            Ok((opened, link, page)) => {
+                self.door.iter().for_each(|door| door.let_in(page));
                 self.opened.push(opened);
                 tracing::info!("viewer: in a browser at {link}");
             }
@@ -192,6 +199,10 @@ impl Viewer {
             if is_late {
                 tracing::warn!("viewer: {name} did not receive the end of the session in time");
             }
+        }
+        // A finished replay is served until the process ends.
+        if self.is_patient {
+            std::mem::forget(self.door);
         }
         self.opened
     }

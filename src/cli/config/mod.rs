@@ -15,6 +15,7 @@ use slamd_core::{
     Config, ConfigError, Method,
     config::{Effective, Layers},
 };
+use slamd_files::regular;
 use std::path::{Path, PathBuf};
 
 /// Options of the estimator.
@@ -124,9 +125,12 @@ pub(super) fn read(path: &Path) -> Result<Config, Failure> {
     Ok(layers.finish()?.config)
 }
 
+/// Largest configuration file.
+const MAX_BYTES: u64 = 64 << 10;
+
 fn text(path: &Path) -> Result<String, Failure> {
     let name = path.display();
-    std::fs::read_to_string(path).map_err(|error| match error.kind() {
+    regular::read_text(path, MAX_BYTES).map_err(|error| match error.kind() {
         std::io::ErrorKind::InvalidData => Failure::new(Kind::Config, format!("{name}: it is no text in UTF-8")),
         _ => Failure::new(Kind::NoInput, format!("{name}: {error}; name a file that can be read")),
     })

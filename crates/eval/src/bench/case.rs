@@ -1,6 +1,7 @@
 //! What is simulated in one row of the accuracy table, and which rows there are.
 
 use slamd_core::Method;
+use slamd_files::regular;
 use slamd_sim::fault::FaultMix;
 use slamd_sim::sonar::BeamShape;
 use slamd_sim::world::World;
@@ -126,7 +127,7 @@ impl Case {
         if let Some(world) = World::for_seed(&self.world, seed) {
             return Ok(world);
         }
-        let text = std::fs::read_to_string(Path::new(&self.world)).map_err(|error| {
+        let text = regular::read_text(Path::new(&self.world), World::MAX_FILE_BYTES).map_err(|error| {
             format!("world {}: {error}; built in are {}, random", self.world, World::BUILT_IN.join(", "))
         })?;
         World::from_toml(&self.world, &text).map_err(|error| error.to_string())

@@ -72,6 +72,12 @@ impl Daemon {
         self.log.iter().any(|line| line.contains(words))
     }
 
+    /// The lines that came so far.
+    pub fn said(&mut self) -> impl Iterator<Item = &str> {
+        self.log.extend(self.lines.try_iter().map(|(_, line)| line));
+        self.log.iter().map(String::as_str)
+    }
+
     /// Ends it as a service manager does.
     pub fn end(mut self) {
         let _ = Command::new("kill").arg(self.child.id().to_string()).status();

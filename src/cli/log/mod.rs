@@ -1,11 +1,19 @@
-//! The log: its format and its filter.
+//! The log: its format, its filter and its limits.
+
+mod limit;
+mod writer;
 
 use super::{Failure, terminal};
-use std::io::IsTerminal as _;
+use limit::{Limiter, Sums};
+use std::io::{IsTerminal as _, Write as _};
+use std::sync::OnceLock;
 use tracing::Level;
 use tracing_subscriber::filter::Targets;
+use tracing_subscriber::fmt::format::{DefaultFields, Format as LineFormat};
+use tracing_subscriber::fmt::writer::BoxMakeWriter;
 use tracing_subscriber::layer::SubscriberExt as _;
 use tracing_subscriber::util::SubscriberInitExt as _;
+use writer::LogWriter;
 
 /// Format of the log's lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -16,39 +24,65 @@ pub(super) enum Format {
     Json,
 }
 
-/// Starts the log on standard error.
-pub(super) fn begin(format: Format, level: Option<Level>) {
+/// The log of a live session.
+struct LiveLog {
+    writer: LogWriter,
+    sums: Sums,
+}
+
+static LIVE: OnceLock<LiveLog> = OnceLock::new();
+
+/// Starts the log on standard error. That of a live session blocks nothing and sums up what repeats; that of other commands is complete.
+pub(super) fn begin(format: Format, level: Option<Level>, is_live: bool) {
+    let writer = is_live.then(LogWriter::to_stderr).flatten();
+    let limiter = writer.is_some().then(Limiter::begin);
+    let to = || match &writer {
+        Some(writer) => BoxMakeWriter::new(writer.clone()),
+        None => BoxMakeWriter::new(std::io::stderr),
+    };
     let text = (format == Format::Text).then(|| {
         let is_terminal = std::io::stderr().is_terminal();
-        lines().with_ansi(is_terminal).with_target(false)
+        lines(to()).with_ansi(is_terminal).with_target(false)
     });
-    let json = (format == Format::Json).then(|| lines().json().flatten_event(true));
+    let json = (format == Format::Json).then(|| lines(to()).json().flatten_event(true));
+    if let (Some(writer), Some(limiter)) = (&writer, &limiter) {
+        let _ = LIVE.set(LiveLog { writer: writer.clone(), sums: limiter.sums() });
+    }
     let (filter, warning) = match level {
         Some(level) => (of_level(level), None),
         None => filter(),
     };
-    tracing_subscriber::registry().with(filter).with(text).with(json).with(for_viewers()).init();
+    tracing_subscriber::registry().with(filter).with(limiter).with(text).with(json).with(for_viewers()).init();
     warning.into_iter().for_each(|warning| tracing::warn!("{warning}"));
     if format == Format::Json {
         std::panic::set_hook(Box::new(|panic| tracing::error!(target: END_TARGET, "{panic}")));
     }
 }
 
-/// A layer that writes to standard error. Nobody may read it any more (`2>&1 | head`): the library would report that on standard error, and panic.
-fn lines<S>() -> tracing_subscriber::fmt::Layer<
-    S,
-    tracing_subscriber::fmt::format::DefaultFields,
-    tracing_subscriber::fmt::format::Format,
-    fn() -> std::io::Stderr,
-> {
-    tracing_subscriber::fmt::layer().with_writer(std::io::stderr as fn() -> std::io::Stderr).log_internal_errors(false)
+/// A layer of the log. Nobody may read it any more (`2>&1 | head`): the library would report that on standard error, and panic.
+fn lines<S>(to: BoxMakeWriter) -> tracing_subscriber::fmt::Layer<S, DefaultFields, LineFormat, BoxMakeWriter> {
+    tracing_subscriber::fmt::layer().with_writer(to).log_internal_errors(false)
 }
 
 /// Logs why the program ends.
 pub(super) fn end(format: Format, failure: &Failure) {
     match format {
-        Format::Text => terminal::tell(format_args!("slamd: {failure}")),
+        Format::Text => {
+            let line = format!("slamd: {}", terminal::plain(failure));
+            match LIVE.get() {
+                Some(live) => drop(writeln!(live.writer.clone(), "{line}")),
+                None => terminal::tell(line),
+            }
+        }
         Format::Json => tracing::error!(target: END_TARGET, exit_code = failure.kind as u8, "{failure}"),
+    }
+}
+
+/// Writes the rest of a live session's log, but does not wait long for a reader that hangs.
+pub(super) fn finish() {
+    if let Some(live) = LIVE.get() {
+        live.sums.finish();
+        live.writer.finish();
     }
 }
 

@@ -1,0 +1,82 @@
+//! Files that are none, or far too large: named at once, with little memory.
+
+#![allow(clippy::unwrap_used, reason = "a test may")]
+
+use rustix::fs::{CWD, Mode};
+use std::fs::File;
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// How the program ended: exit code and last words. It has 1 GB of memory.
+#[expect(clippy::disallowed_methods, reason = "the test measures in real time")]
+fn ends(folder: &Path, arguments: &[&str]) -> (i32, String) {
+    let mut command = Command::new("sh");
+    command.args(["-c", "ulimit -v 1000000 && exec \"$@\"", "sh", env!("CARGO_BIN_EXE_slamd")]).args(arguments);
+    command.env("XDG_CONFIG_HOME", "/nonexistent").current_dir(folder).stdin(Stdio::null());
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let begin = Instant::now();
+    while child.try_wait().unwrap().is_none() {
+        if begin.elapsed() > Duration::from_secs(20) {
+            child.kill().unwrap();
+            panic!("{arguments:?} hangs");
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let output = child.wait_with_output().unwrap();
+    (output.status.code().unwrap_or(-1), String::from_utf8(output.stderr).unwrap())
+}
+
+#[test]
+fn pipes_devices_and_giants_are_named_as_what_they_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| -> PathBuf { folder.path().join(name) };
+    rustix::fs::mkfifoat(CWD, path("pipe"), Mode::RUSR | Mode::WUSR).unwrap();
+    rustix::fs::mkfifoat(CWD, path("pipe.toml"), Mode::RUSR | Mode::WUSR).unwrap();
+    // Ten gigabytes without a byte on the disk.
+    for name in ["giant", "giant.toml"] {
+        File::create(path(name)).unwrap().set_len(10 << 30).unwrap();
+        std::fs::set_permissions(path(name), std::fs::Permissions::from_mode(0o600)).unwrap();
+    }
+    let run = ["--port", "/dev/nowhere", "--exit-on-hangup"];
+    let mut options = vec![
+        vec!["--listen", "127.0.0.1:0", "--token-file"],
+        vec!["--config"],
+        #[cfg(feature = "mqtt")]
+        vec!["--mqtt", "127.0.0.1:1", "--mqtt-user", "u", "--mqtt-password-file"],
+    ];
+    for option in &mut options {
+        for (file, words) in [
+            ("pipe", "it is a pipe, not a file"),
+            ("/dev/zero", "it is a device, not a file"),
+            ("giant", "it is larger than 64 KiB"),
+        ] {
+            let arguments: Vec<&str> = run.iter().chain(option.iter()).copied().chain([file]).collect();
+            let (code, said) = ends(folder.path(), &arguments);
+            assert!(said.contains(words), "{arguments:?}: {code}: {said}");
+        }
+    }
+    for (arguments, words) in [
+        (vec!["replay", "pipe"], "it is a pipe, not a file"),
+        (vec!["replay", "/dev/zero"], "it is a device, not a file"),
+        (vec!["inspect", "pipe"], "it is a pipe, not a file"),
+        (vec!["config", "check", "pipe.toml"], "it is a pipe, not a file"),
+        (vec!["simulate", "--world", "pipe.toml", "--capture", "x.mcap"], "it is a pipe, not a file"),
+        (vec!["simulate", "--world", "giant.toml", "--capture", "x.mcap"], "it is larger than 1 MiB"),
+    ] {
+        let (code, said) = ends(folder.path(), &arguments);
+        assert!(said.contains(words) && (64..=78).contains(&code), "{arguments:?}: {code}: {said}");
+    }
+}
+
+#[test]
+fn a_session_that_is_a_pipe_is_named_before_the_map_begins() {
+    let capture = Path::new(env!("CARGO_MANIFEST_DIR")).join("replay/flat-paper-faults.mcap");
+    let folder = tempfile::tempdir().unwrap();
+    rustix::fs::mkfifoat(CWD, folder.path().join("pipe"), Mode::RUSR | Mode::WUSR).unwrap();
+    for option in ["--resume", "--localize"] {
+        let (code, said) = ends(folder.path(), &["replay", capture.to_str().unwrap(), option, "pipe"]);
+        assert!(code == 74 && said.contains("it is a pipe, not a file"), "{code}: {said}");
+    }
+}
