@@ -134,6 +134,12 @@ impl ModelCheck {
         Verdict::Open
     }
 
+    /// The believed robot with its ring turned by as little as makes the walls of the window sharpest: the filter does not learn that.
+    pub(super) fn with_refined_ring(&mut self, believed: &RobotModel) -> RobotModel {
+        let start = (self.log_score(believed, believed), *believed);
+        self.climb(start, believed, Cause::Ring.moves(), FINE_STEPS).1
+    }
+
     /// True once the believed robot has fitted for some metres and turns.
     pub(super) fn is_known(&self) -> bool {
         self.fitting_keys >= self.params.known_keys && self.fitting_rad >= self.params.known_turn_rad
@@ -203,7 +209,8 @@ impl ModelCheck {
             let start = (self.log_score(&wheels, believed), wheels);
             let (score, wheels) = self.climb(start, believed, 0..WHEEL_MOVES, FINE_STEPS);
             let found = RobotModel { travel, range: believed.range, ..found };
-            return Some(if score >= enough { wheels } else { found });
+            let found = if score >= enough { wheels } else { found };
+            return Some(found.with_known_unit().unwrap_or(found));
         }
         let least = single - libm::log(self.params.same_cause_ratio);
         let mut rivals = causes.into_iter().filter(|(score, _)| *score >= least).map(|(_, robot)| robot);

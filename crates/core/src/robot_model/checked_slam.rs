@@ -112,12 +112,17 @@ impl CheckedSlam {
         }
     }
 
-    /// How far the filter may learn away from the robot of this map before the map is begun anew. What the search found is rough: so
-    /// is the map, until it was drawn anew with twice the sweeps.
-    fn max_learnt_distance(&self) -> f64 {
+    /// The robot that the drive has taught meanwhile, if the map is to be begun anew with it. What the search found is rough: so is the
+    /// map, until it was drawn anew with twice the sweeps.
+    fn taught(&mut self, believed: RobotModel) -> Option<RobotModel> {
         let params = &self.params.robot_model;
-        let is_old = self.history.whole().is_some_and(|sweeps| sweeps.len() >= 2 * self.restart_sweeps);
-        if self.is_rough && is_old { params.restart_distance } else { params.learnt_distance }
+        let sweeps = self.history.whole().map_or(0, <[Sweep]>::len);
+        if self.is_rough && sweeps >= 2 * self.restart_sweeps {
+            self.restart_sweeps = sweeps;
+            let refined = self.check.with_refined_ring(&believed);
+            return (refined.distance(&self.model) > params.restart_distance).then_some(refined);
+        }
+        (believed.distance(&self.model) > params.learnt_distance).then_some(believed)
     }
 
     /// Hands a sweep to the method, as the believed robot made it.
@@ -295,11 +300,11 @@ impl Estimator for CheckedSlam {
         let is_trusted = |sensor: usize| states.get(sensor) == Some(&SensorState::Healthy);
         match self.check.update(sweep, &believed, is_trusted) {
             Verdict::Open => {}
-            // The filter has learnt what the check need not find.
-            Verdict::Fits if believed.distance(&self.model) > self.max_learnt_distance() => {
-                self.adopt(believed, sweep.at, earlier, events);
-            }
             Verdict::Fits => {
+                if let Some(taught) = self.taught(believed) {
+                    self.adopt(taught, sweep.at, earlier, events);
+                    return;
+                }
                 self.end_doubt(sweep.at, events);
                 if self.check.is_known() {
                     events.extend(self.noise.take());

@@ -2,7 +2,7 @@
 
 use super::concentration::Opening;
 use crate::config::{Config, SettingValue};
-use crate::geometry::{Mounting, Placement, Pose2, Ring, sinc};
+use crate::geometry::{Mounting, Placement, Pose2, Ring, sinc, wrap_angle};
 use crate::saved_state::{FoundRobot, InvalidState};
 use crate::sweep::Sweep;
 use std::f64::consts::PI;
@@ -57,7 +57,20 @@ impl RobotModel {
     /// True if its ranges are those of `other`, or half or twice as long: one way is counted for two, or two for one. Sound has one
     /// speed, so no other unit is believed.
     pub(super) fn has_known_unit(&self, other: &Self) -> bool {
-        [0.5, 1.0, 2.0].contains(&(self.range / other.range))
+        KNOWN_UNITS.contains(&(self.range / other.range)) || self.range == other.range
+    }
+
+    /// The configured robot with ranges of half or twice the length, if the walls can hardly tell it from this one: that travel alone
+    /// is off by just such a factor is rare. What the filter has learnt of a wrong robot does not count.
+    pub(super) fn with_known_unit(&self) -> Option<Self> {
+        let of_unit = KNOWN_UNITS.map(|range| Self { range, ..Self::AS_CONFIGURED });
+        let apart = |a: f64, b: f64| if a * b > 0.0 { libm::log(a / b).abs() } else { f64::INFINITY };
+        let is_like = |other: &Self| {
+            let (own, other) = (self.in_reported_ranges(), other.in_reported_ranges());
+            let turned_rad = wrap_angle(own.ring_rad - other.ring_rad).abs();
+            apart(own.travel, other.travel).max(apart(own.turn, other.turn)).max(turned_rad) < UNIT_TOLERANCE
+        };
+        of_unit.into_iter().find(is_like)
     }
 
     /// The robot of a saved session, if it was found with the same configuration; impossible numbers are refused.
@@ -138,11 +151,16 @@ impl RobotModel {
     /// How far two models lie apart: 1 is what the window of a check can tell with certainty.
     pub(super) fn distance(&self, other: &Self) -> f64 {
         let ratio = |a: f64, b: f64| if a * b > 0.0 { libm::log(a / b).abs() / 0.2 } else { 9.0 };
-        let turned_rad = crate::geometry::wrap_angle(self.ring_rad - other.ring_rad).abs();
+        let turned_rad = wrap_angle(self.ring_rad - other.ring_rad).abs();
         let scales = ratio(self.travel, other.travel).max(ratio(self.turn, other.turn));
-        scales.max(ratio(self.range, other.range)).max(turned_rad / 0.25)
+        scales.max(ratio(self.range, other.range)).max(turned_rad / 0.15)
     }
 }
+
+/// True over reported range where one way is counted for two, or two for one: definitions.
+const KNOWN_UNITS: [f64; 2] = [0.5, 2.0];
+/// Factors and angles (rad) this near are one: a definition, three times the resolution of the search.
+const UNIT_TOLERANCE: f64 = 0.08;
 
 /// A sensor of a hypothesis.
 #[derive(Clone, Copy, Debug)]

@@ -46,7 +46,7 @@ use crate::geometry::degrees;
 /// | `found_sigma` | 0.08 | 1 | by design: the resolution of the search | Too small: the filter keeps its error. Too large: the first false wall stretches the map |
 /// | `restart_passes` | 3 | passes | by design: the second begins where the first ended, the third confirms | Too small: walls keep the error of the search. Too large: the pipeline stands still for longer |
 /// | `restart_distance` | 0.05 | 1 | by design: 1 % of travel or turning | As `restart_passes` |
-/// | `max_history_sweeps` | 600 | sweeps | by design: a minute at 10 Hz | Too small: a wrong robot is named but not corrected. Too large: memory, and the time of a restart |
+/// | `max_history_sweeps` | 1800 | sweeps | by design: three minutes at 10 Hz, some 6 MB with 32 sensors | Too small: a wrong robot is named but not corrected. Too large: memory, and the time of a restart |
 #[expect(missing_docs, reason = "the table describes each field")]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Params {
@@ -132,7 +132,7 @@ impl Default for Params {
             found_sigma: 0.08,
             restart_passes: 3,
             restart_distance: 0.05,
-            max_history_sweeps: 600,
+            max_history_sweeps: 1_800,
         }
     }
 }
