@@ -116,7 +116,7 @@ impl CheckedSlam {
     /// map, until it was drawn anew with twice the sweeps.
     fn taught(&mut self, believed: RobotModel) -> Option<RobotModel> {
         let params = &self.params.robot_model;
-        let sweeps = self.history.whole().map_or(0, <[Sweep]>::len);
+        let sweeps = self.history.len().unwrap_or(0);
         if self.is_rough && sweeps >= 2 * self.restart_sweeps {
             self.restart_sweeps = sweeps;
             let refined = self.check.with_refined_ring(&believed);
@@ -153,7 +153,7 @@ impl CheckedSlam {
     fn adopt(&mut self, found: RobotModel, at: Timestamp, earlier: usize, events: &mut Vec<Event>) {
         let is_reversed = self.slam.reversed_encoders() != [false; 2];
         let is_known = !naming::is_beyond_search(&found);
-        let can_restart = self.history.whole().is_some() && !is_reversed && is_known;
+        let can_restart = self.history.len().is_some() && !is_reversed && is_known;
         let state = if can_restart && !found.is_mirrored() { ModelState::Corrected } else { ModelState::Doubted };
         let mut again = Vec::new();
         if can_restart {
@@ -185,7 +185,7 @@ impl CheckedSlam {
         let before: Vec<SensorState> = self.slam.states().to_vec();
         self.first_revision += self.slam.map_since(u64::MAX).map_or(0, |(_, newest)| newest) + 2;
         self.is_rough = !found.is_mirrored();
-        self.restart_sweeps = self.history.whole().map_or(0, <[Sweep]>::len);
+        self.restart_sweeps = self.history.len().unwrap_or(0);
         let (mut again, mut poses) = self.follow_again(found, &found);
         for _ in 1..self.params.robot_model.restart_passes {
             let learnt = self.believed();
@@ -232,9 +232,9 @@ impl CheckedSlam {
         self.slam = WallSlam::with_params(&config, &robot.ring(&self.ring), &params);
         let history = std::mem::replace(&mut self.history, History::new(0));
         let (mut again, mut poses) = (Vec::new(), Vec::new());
-        for sweep in history.whole().unwrap_or_default() {
+        for sweep in history.sweeps() {
             again.retain(|event| matches!(event, Event::Fault(_) | Event::Localization(_)));
-            self.follow(sweep, &mut again);
+            self.follow(&sweep, &mut again);
             poses.extend(
                 again.iter().filter_map(|event| if let Event::Estimate(pose) = event { Some(*pose) } else { None }),
             );
