@@ -4,7 +4,7 @@
 //! is cut it returns everything before the cut. [`CaptureReader::damage`] says what is missing.
 
 use super::foreign::{MAX_TOPICS, Seen};
-use super::salvage::{RECORD_HEAD, Source};
+use super::salvage::{CHUNK_HEAD, RECORD_HEAD, Source};
 use super::{
     CaptureError, CaptureInfo, LIBRARY, METADATA_NAME, RECEIVED_TOPIC, Record, SENT_TOPIC, TRUTH_TOPIC, TruthMessage,
 };
@@ -172,6 +172,15 @@ impl<R: Read> CaptureReader<R> {
             Some(Err(error)) => Err(error),
         };
         let handled = match record {
+            Ok((_, McapRecord::Message { .. })) if self.is_own => {
+                Err(Damage::Other("a message outside the chunks".into()))
+            }
+            // A length that is too long would swallow what follows.
+            Ok((length, McapRecord::Chunk { header, data }))
+                if self.is_own && length != CHUNK_HEAD + header.compression.len() + data.len() =>
+            {
+                Err(Damage::Other("a chunk whose lengths differ".into()))
+            }
             Ok((length, McapRecord::Chunk { header, data })) => self.chunk(&header, &data)?.map(|()| length),
             Ok((length, record)) => self.take(record)?.map(|()| length),
             Err(error) => Err(error.into()),

@@ -6,12 +6,17 @@ use std::io::{self, ErrorKind, Read};
 /// The bytes of a capture.
 pub(super) struct Source<R> {
     file: R,
-    /// Bytes of the file; those before `start` are of no more use.
+    /// Bytes of the file; those before `last` are of no more use.
     held: Vec<u8>,
+    /// Where the record before the current one begins: its length may be damaged, and it may have swallowed chunks.
+    last: usize,
     /// Where the current record begins.
     start: usize,
     /// How far the parser has been given them.
     passed: usize,
+    /// What one read fills.
+    scratch: Vec<u8>,
+    is_searching: bool,
     /// Bytes searched for sound chunks.
     searched: u64,
 }
@@ -21,14 +26,23 @@ const CHUNK: u8 = 0x06;
 /// Length of a record's type and length.
 pub(super) const RECORD_HEAD: usize = 1 + 8;
 /// Length of an uncompressed chunk's record before its messages: head, two times, size, checksum, an empty name, size.
-const CHUNK_HEAD: usize = RECORD_HEAD + 8 + 8 + 8 + 4 + 4 + 8;
+pub(super) const CHUNK_HEAD: usize = RECORD_HEAD + 8 + 8 + 8 + 4 + 4 + 8;
 /// Limit of the bytes that are searched and summed: a file made by hand must not take hours.
 const MAX_SEARCHED: u64 = 1 << 30;
 
 impl<R: Read> Source<R> {
     /// The source of a file from its present position on.
-    pub(super) const fn new(file: R) -> Self {
-        Self { file, held: Vec::new(), start: 0, passed: 0, searched: 0 }
+    pub(super) fn new(file: R) -> Self {
+        Self {
+            file,
+            held: Vec::new(),
+            last: 0,
+            start: 0,
+            passed: 0,
+            scratch: vec![0; READ_LIMIT],
+            is_searching: false,
+            searched: 0,
+        }
     }
 
     /// Gives the parser the next bytes; none at the end of the file.
@@ -47,12 +61,20 @@ impl<R: Read> Source<R> {
 
     /// The current record is sound: the next one begins so many bytes on.
     pub(super) const fn advance(&mut self, length: usize) {
+        self.last = self.start;
         self.start += length;
     }
 
     /// Moves behind the current record's damage to the next chunk whose checksum is right. False if there is none.
     pub(super) fn seek_chunk(&mut self) -> io::Result<bool> {
-        self.start += 1;
+        self.is_searching = true;
+        let found = self.next_chunk();
+        self.is_searching = false;
+        found
+    }
+
+    fn next_chunk(&mut self) -> io::Result<bool> {
+        self.start = self.last + 1;
         while self.searched < MAX_SEARCHED {
             let behind = self.held.get(self.start..).unwrap_or_default();
             let skipped = behind.iter().position(|byte| *byte == CHUNK).unwrap_or(behind.len());
@@ -68,7 +90,7 @@ impl<R: Read> Source<R> {
             if self.has(length)? {
                 self.searched += length as u64;
                 if self.held.get(self.start..).and_then(|bytes| bytes.get(..length)).is_some_and(is_sound) {
-                    self.passed = self.start;
+                    (self.last, self.passed) = (self.start, self.start);
                     return Ok(true);
                 }
             }
@@ -90,21 +112,25 @@ impl<R: Read> Source<R> {
 
     /// Reads more of the file; 0 at its end.
     fn fill(&mut self) -> io::Result<usize> {
-        if self.start >= READ_LIMIT && self.start >= self.held.len() / 2 {
-            self.held.drain(..self.start.min(self.held.len()));
-            self.passed = self.passed.saturating_sub(self.start);
-            self.start = 0;
+        // What the search has passed is of no use, either.
+        if self.is_searching {
+            self.last = self.start;
         }
-        let had = self.held.len();
-        self.held.resize(had + READ_LIMIT, 0);
-        let read = loop {
-            match self.file.read(self.held.get_mut(had..).unwrap_or_default()) {
+        if self.last >= READ_LIMIT && self.last >= self.held.len() / 2 {
+            self.held.drain(..self.last.min(self.held.len()));
+            self.passed = self.passed.saturating_sub(self.last);
+            (self.start, self.last) = (self.start - self.last, 0);
+        }
+        loop {
+            match self.file.read(&mut self.scratch) {
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                result => break result,
+                Ok(count) => {
+                    self.held.extend_from_slice(self.scratch.get(..count).unwrap_or_default());
+                    return Ok(count);
+                }
+                Err(error) => return Err(error),
             }
-        };
-        self.held.truncate(had + read.as_ref().map_or(0, |count| *count));
-        read
+        }
     }
 }
 

@@ -133,7 +133,11 @@ fn a_damaged_byte_costs_its_chunk_alone_and_never_panics_or_invents_bytes() {
             };
             let held: Vec<Record> = reader.by_ref().flatten().collect();
             let lost = missing(&all, &held).unwrap_or_else(|| panic!("bit {bit} of byte {position}: {held:?}"));
-            assert!(position < first || lost <= 3, "bit {bit} of byte {position}: {lost} records are lost");
+            assert!(
+                position < first || lost <= 3,
+                "bit {bit} of byte {position}: {lost} records are lost: {:?}",
+                reader.damage()
+            );
             assert!(lost == 0 || reader.damage().is_some(), "bit {bit} of byte {position}: silent");
         }
     }
