@@ -19,7 +19,7 @@ pub use crate::mapping::grid::{OccupancyGrid, percents};
 pub use crate::mapping::params::Params as MappingParams;
 pub use crate::mapping::raster::MAX_CELLS;
 pub use crate::orientation::dominant_directions::DominantDirections;
-pub use crate::orientation::params::{DirectionsParams, Params as OrientationParams, StartParams};
+pub use crate::orientation::params::{DirectionsParams, Params as OrientationParams, StartParams, TrackParams};
 pub use crate::params::Params;
 pub use crate::position::beam_model::observe_wall;
 pub use crate::position::ekf_slam::EkfSlam;

@@ -1,8 +1,8 @@
 //! The default method: EKF-SLAM with wall landmarks in a Manhattan world.
 //!
 //! 1. Fault tests over PCA residuals, neighbours and the map decide which sensors to trust ([`crate::fault`]).
-//! 2. A Hough transform over sonar arcs finds the building's axis: once from the first sweeps, then every few seconds as a check
-//!    of the heading ([`crate::orientation`]).
+//! 2. A Hough transform over sonar arcs finds the building's axis from the first sweeps; then the returns of the last metre and a half
+//!    measure the heading against it ([`crate::orientation`]).
 //! 3. An extended Kalman filter over pose, wheels and wall offsets tracks the robot ([`crate::position`]).
 //! 4. When the echoes contradict the map, the pose is lost, and the robot is sought in the map. Map updates are suspended meanwhile.
 //! 5. Beams clear their cones and mark the walls that reflected them ([`crate::mapping`]).

@@ -9,6 +9,8 @@ pub struct Params {
     pub directions: DirectionsParams,
     /// The search of axis and wheels at the start.
     pub start: StartParams,
+    /// The axis along the way.
+    pub track: TrackParams,
 }
 
 /// Constants of `dominant_directions`. A direction is one degree.
@@ -63,6 +65,70 @@ pub struct StartParams {
 impl Default for StartParams {
     fn default() -> Self {
         Self { prior: 0.02, rounds: [1.5, 1.0, 0.5, 0.25], max_returns: 1_600 }
+    }
+}
+
+/// Constants of `axis_tracker`.
+///
+/// | name | value | unit | how chosen | what breaks when it is wrong |
+/// |---|---|---|---|---|
+/// | `window_m` | 1.5 | m | the recordings of docs/real-data.md | too small: furniture is an axis; too large: the wheels bend the window |
+/// | `min_window` | 0.5 | windows | by hand | too small: the first returns are too few; too large: the heading waits |
+/// | `read_m` | 0.15 | m | by design: ten readings a window | too small: time is wasted; too large: the heading is corrected late |
+/// | `step_m` | 0.03 | m | by design: 50 sweeps a window | too small: time is wasted; too large: few returns |
+/// | `rim_m` | 0.15 | m | by design: radius of a usual ring; what a turn by one radian counts as | too small: turning on the spot fills the window slowly; too large: the window holds little travel |
+/// | `sensors` | 8 | sensors | by design: the smallest ring with a heading of its own | as `step_m` |
+/// | `max_returns` | 400 | returns | by design: `sensors` times the sweeps of a window | too small: a short window; too large: time |
+/// | `min_returns` | 30 | returns | by hand | too small: chance has an axis; too large: a sparse ring has none |
+/// | `bin_m` | 0.08 | m | the recordings of docs/real-data.md | too small: noise spreads a wall; too large: every turn gathers it |
+/// | `turn_rad` | 1.0 | deg | by design: the vertex of a parabola is between | too small: time; too large: peaks are missed |
+/// | `near_steps` | 20 | steps | by hand: more than the wheels miss in a window | too small: a slip is not found; too large: time |
+/// | `near_rad` | 6.0 | deg | the recordings of docs/real-data.md | too small: a slip is not followed; too large: curved and slanted walls turn the heading |
+/// | `sigma_rad` | 0.7 | deg | the recordings of docs/real-data.md | too small: furniture turns the map; too large: the wheels do |
+/// | `half_preference` | 0.3 | - | by hand | too small: a building without right angles has an axis; too large: furniture hides it |
+/// | `min_preference` | 0.01 | - | by hand | as `half_preference` |
+/// | `min_whole_preference` | 1.0 | - | by hand | too small: furniture contradicts the heading; too large: a wrong heading is silent |
+#[expect(missing_docs, reason = "the table describes each field")]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrackParams {
+    pub window_m: f64,
+    pub min_window: f64,
+    pub read_m: f64,
+    pub step_m: f64,
+    pub rim_m: f64,
+    pub sensors: usize,
+    pub max_returns: usize,
+    pub min_returns: usize,
+    pub bin_m: f64,
+    pub turn_rad: f64,
+    pub near_steps: usize,
+    pub near_rad: f64,
+    pub sigma_rad: f64,
+    pub half_preference: f64,
+    pub min_preference: f64,
+    pub min_whole_preference: f64,
+}
+
+impl Default for TrackParams {
+    fn default() -> Self {
+        Self {
+            window_m: 1.5,
+            min_window: 0.5,
+            read_m: 0.15,
+            step_m: 0.03,
+            rim_m: 0.15,
+            sensors: 8,
+            max_returns: 400,
+            min_returns: 30,
+            bin_m: 0.08,
+            turn_rad: degrees(1.0),
+            near_steps: 20,
+            near_rad: degrees(6.0),
+            sigma_rad: degrees(0.7),
+            half_preference: 0.3,
+            min_preference: 0.01,
+            min_whole_preference: 1.0,
+        }
     }
 }
 

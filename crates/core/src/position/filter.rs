@@ -38,8 +38,8 @@ pub struct Filter {
     pub(super) nominal: Calibration,
     /// The wheels' random error as a multiple of the least variance.
     pub(super) slip: f64,
-    params: FilterParams,
-    column: Vec<f64>,
+    pub(super) params: FilterParams,
+    pub(super) column: Vec<f64>,
 }
 
 /// One scalar measurement: `H` has the robot's part and ±1 at one wall.
@@ -278,7 +278,7 @@ impl Filter {
     }
 
     /// x += K ν and P −= K S Kᵀ, where the column is P Hᵀ: symmetric by construction.
-    fn correct(&mut self, robot_column: &Robot, s: f64, innovation: f64) {
+    pub(super) fn correct(&mut self, robot_column: &Robot, s: f64, innovation: f64) {
         let walls = self.walls();
         self.robot += robot_column * (innovation / s);
         self.robot[2] = crate::geometry::wrap_angle(self.robot[2]);

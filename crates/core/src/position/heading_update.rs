@@ -1,6 +1,7 @@
 //! The heading as the walls measure it: on each wall, how the misfits of its beams grow with a turn.
 
 use super::ekf_slam::{Association, EkfSlam};
+use crate::orientation::axis_tracker::Turn;
 
 /// The heading as the walls measure it.
 struct HeadingObservation {
@@ -26,6 +27,19 @@ impl EkfSlam {
             self.filter.update_heading(innovation_rad, variance);
             nis
         })
+    }
+
+    /// Corrects the heading with the building's axis.
+    pub(crate) fn correct_heading(&mut self, turn: &Turn) {
+        let [ahead_m, turned_rad] = turn.lag;
+        let way_m = libm::hypot(ahead_m, 0.5 * self.filter.nominal.wheel_base_m * turned_rad);
+        let wheels = self.filter.wheel_heading_variance(way_m);
+        let once = self.filter.pose_covariance()[(2, 2)] + wheels + turn.window_variance;
+        // The filter is surer than it may be: walls that are none, or a slip that it does not know of.
+        let excess = turn.angle_rad.powi(2) - self.params.slam.axis_gate_sigma.powi(2) * once;
+        self.filter.doubt_heading(excess.max(0.0));
+        let variance = turn.variance + wheels;
+        self.filter.update_lagging_heading(turn.angle_rad, variance, turn.lag);
     }
 
     /// The heading from the beams: on each wall, the slope of their misfits over their derivative by the heading.

@@ -4,6 +4,7 @@ pub(crate) mod beam_model;
 pub(crate) mod ekf_slam;
 mod ekf_slam_state;
 pub(crate) mod filter;
+mod filter_heading;
 mod filter_state;
 mod heading_update;
 mod inactive_landmarks;

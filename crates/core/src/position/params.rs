@@ -106,6 +106,7 @@ impl Default for FilterParams {
 /// | `frozen_sigma_m` | 0.025 | m | by hand, with the first localization in a saved map | too small: errors of the saved map move the pose by jumps |
 /// | `heading_sigma_rad` | 0.3 | deg | by hand, with the heading from misfits | too small: overconfident heading; too large: wheels bend the map |
 /// | `heading_gate_sigma` | 4.0 | sigma | by hand, with the heading from misfits | too small: a heading that is off is never corrected; too large: wrong walls turn the robot |
+/// | `axis_gate_sigma` | 2.0 | sigma | the recordings of docs/real-data.md | too small: furniture at an angle makes the heading doubtful; too large: the filter stays surer of wrong walls than of the building's axis |
 /// | `min_heading_information` | 1.0 | 1/rad² | by hand: a heading known to no more than a radian is no measurement | too large: sparse rings measure no heading |
 /// | `few_beams` | 3 | beams | by hand: with half a ring, headings from so few beams turned the robot by tens of degrees | too small: sparse rings turn with one wrong wall; too large: bad wheels are trusted instead |
 /// | `edge_sweeps` | 10.0 | sweeps | seeds 1-20 with wheels three times as bad: 5, 20, 40 and 100 lost more drives in the furnished room | too small: repeated edge errors count as independent, NEES 196 at 1 |
@@ -130,6 +131,7 @@ pub struct SlamParams {
     pub frozen_sigma_m: f64,
     pub heading_sigma_rad: f64,
     pub heading_gate_sigma: f64,
+    pub axis_gate_sigma: f64,
     pub min_heading_information: f64,
     pub few_beams: usize,
     pub edge_sweeps: f64,
@@ -156,6 +158,7 @@ impl Default for SlamParams {
             frozen_sigma_m: 0.025,
             heading_sigma_rad: degrees(0.3),
             heading_gate_sigma: 4.0,
+            axis_gate_sigma: 2.0,
             min_heading_information: 1.0,
             few_beams: 3,
             edge_sweeps: 10.0,

@@ -17,14 +17,7 @@
 /// | `same_pose_m` | 0.25 | m | not measured since the first version | Too small: a false alarm moves a robot that was right. Too large: it stays where it is not |
 /// | `same_pose_rad` | 0.15 | rad | not measured since the first version | As `same_pose_m` |
 /// | `catch_up_sweeps` | 8 | sweeps | not measured since the first version | Too small: the first poses come late. Too large: a sweep takes longer than the time to the next |
-/// | `heading_check_sweeps` | 25 | sweeps | not measured since the first version | Too small: the returns do not show an axis. Too large: drift goes unnoticed |
-/// | `heading_doubt_rad` | 1 | degrees | by hand: a heading that is surer gains nothing from a check, which takes 2 ms (commit "The axis is checked while the heading is in doubt only") | Too small: time is wasted. Too large: no check ever helps |
-/// | `max_heading_correction_rad` | 6 | degrees | not measured since the first version | Too small: a drifted heading is not corrected. Too large: slanted furniture turns the map |
-/// | `axis_window_m` | 1.0 | m | by design: two windows tell within 2 m | Too small: a window shows no axis. Too large: a wrong heading is noticed late |
-/// | `axis_window_step_m` | 0.02 | m | by design: 50 sweeps per window, at which the check takes 0.3 ms | Too small: time is wasted. Too large: a window shows no axis |
-/// | `axis_window_rim_m` | 0.15 | m | by design: radius of a usual ring | Too small: turning fills the window slowly. Too large: the window holds little travel |
-/// | `axis_window_sensors` | 8 | sensors | by design: the smallest ring with a heading of its own | As `axis_window_step_m` |
-/// | `max_axis_off_rad` | 8 | degrees | by hand: more than `max_heading_correction_rad` | Too small: slanted furniture raises a doubt. Too large: a wrong heading is silent |
+/// | `max_axis_off_rad` | 8 | degrees | by hand: more than wheels drift in a window | Too small: slanted furniture raises a doubt. Too large: a wrong heading is silent |
 /// | `axis_fits` | 3 | windows | by design: 3 m with one axis | Too small: a building of slanted walls raises doubts. Too large: a heading that is lost early is silent |
 /// | `clearing_sweeps` | 8 | sweeps | not measured since the first version | Too small: time is wasted. Too large: moved furniture stays in the map |
 /// | `on_wall_m` | 0.06 | m | not measured since the first version | Too small: walls are drawn thick. Too large: furniture near a wall disappears into it |
@@ -73,20 +66,6 @@ pub struct Params {
     pub same_pose_rad: f64,
     /// Collected sweeps that are processed with each new one.
     pub catch_up_sweeps: usize,
-    /// Sweeps from one check of the heading to the next.
-    pub heading_check_sweeps: usize,
-    /// A heading with a smaller standard deviation is not checked, radians.
-    pub heading_doubt_rad: f64,
-    /// A check farther off is another axis, not drift, radians.
-    pub max_heading_correction_rad: f64,
-    /// Way of the window whose axis is compared with the map's, metres.
-    pub axis_window_m: f64,
-    /// Way from one sweep of the window to the next, metres.
-    pub axis_window_step_m: f64,
-    /// The way that a turn by one radian counts as, metres.
-    pub axis_window_rim_m: f64,
-    /// Beams used of a sweep.
-    pub axis_window_sensors: usize,
     /// Axes that are farther apart are not the same, radians.
     pub max_axis_off_rad: f64,
     /// Windows with the map's axis after which another one is a contradiction.
@@ -156,13 +135,6 @@ impl Default for Params {
             same_pose_m: 0.25,
             same_pose_rad: 0.15,
             catch_up_sweeps: 8,
-            heading_check_sweeps: 25,
-            heading_doubt_rad: 1.0 * std::f64::consts::PI / 180.0,
-            max_heading_correction_rad: 6.0 * std::f64::consts::PI / 180.0,
-            axis_window_m: 1.0,
-            axis_window_step_m: 0.02,
-            axis_window_rim_m: 0.15,
-            axis_window_sensors: 8,
             max_axis_off_rad: 8.0 * std::f64::consts::PI / 180.0,
             axis_fits: 3,
             clearing_sweeps: 8,

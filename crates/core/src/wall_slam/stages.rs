@@ -15,6 +15,7 @@ use crate::fault::detector::Detector;
 use crate::fault::encoder::{EncoderChange, EncoderWatch};
 use crate::geometry::{Placement, Pose2, Ring};
 use crate::mapping::grid::OccupancyGrid;
+use crate::orientation::axis_tracker::AxisTracker;
 use crate::orientation::dominant_directions::DominantDirections;
 use crate::params;
 use crate::position;
@@ -34,7 +35,7 @@ pub(super) struct Stages {
     pub(super) wheels: Calibration,
     pub(super) detector: Detector,
     pub(super) encoders: EncoderWatch,
-    heading_check: HeadingCheck,
+    pub(super) axis: AxisTracker,
     pub(super) axis_monitor: AxisMonitor,
     /// Scratch of the initializer and the relocalizer, which lay out all returns anew for each search.
     pub(super) finder: DominantDirections,
@@ -56,13 +57,6 @@ pub(super) struct Stages {
     far_range_sigma_m: (Option<f64>, bool),
 }
 
-/// The returns since the last check of the heading.
-#[derive(Debug)]
-struct HeadingCheck {
-    directions: DominantDirections,
-    sweeps: usize,
-}
-
 impl Stages {
     pub(super) fn new(config: &Config, ring: &Ring, params: &params::Params) -> Self {
         let finder = DominantDirections::new(params.orientation);
@@ -77,8 +71,8 @@ impl Stages {
             wheels: config.robot.wheels(),
             detector,
             encoders: EncoderWatch::with_params(ring, config.robot.wheel_base_m, params.fault.clone()),
-            heading_check: HeadingCheck { directions: finder.clone(), sweeps: 0 },
-            axis_monitor: AxisMonitor::new(finder.clone()),
+            axis: AxisTracker::new(params.orientation.track),
+            axis_monitor: AxisMonitor::default(),
             finder,
             grid: OccupancyGrid::with_params(config.map.cell_m, params.mapping),
             can_correct: ring.len() >= params.wall_slam.min_sensors_to_correct,
@@ -148,7 +142,9 @@ impl Stages {
         let is_carried = self.jumps.add(sweep, step, is_trusted);
         if is_carried {
             self.trail.clear();
+            self.axis.clear();
         }
+        self.axis.add(sweep, step, is_trusted);
         let way_m = self.trail.add(sweep, step, is_trusted);
         (!is_carried).then_some(way_m)
     }
@@ -157,6 +153,7 @@ impl Stages {
     pub(super) fn forget_way(&mut self) {
         self.trail.clear();
         self.place.reset();
+        self.axis.clear();
         self.axis_monitor.reset();
     }
 
@@ -184,37 +181,21 @@ impl Stages {
         self.encoders.inspect(sweep, |sensor| self.detector.is_trusted(sensor), events)
     }
 
-    /// Every few sweeps, while the heading is in doubt, the axis of the latest returns must be the building's.
+    /// Compares the heading with the building's axis, and corrects it.
     pub(super) fn check_heading(&mut self, ekf: &mut EkfSlam, sweep: &Sweep) {
-        let Self { params, detector, heading_check: check, axis_monitor, .. } = self;
-        axis_monitor.add(sweep, ekf.filter.pose(), |sensor| detector.is_trusted(sensor), params);
-        let pose = Placement::from(ekf.filter.pose());
-        for (sensor, beam) in sweep.beams.iter().enumerate() {
-            if detector.is_trusted(sensor) {
-                check.directions.add(pose, beam);
-            }
+        let heading_rad = ekf.filter.pose().theta_rad;
+        if let Some(off_rad) = self.axis.read_window(heading_rad) {
+            self.axis_monitor.compare(off_rad, sweep, &self.params);
         }
-        check.sweeps += 1;
-        if check.sweeps < params.heading_check_sweeps {
-            return;
+        if let Some(turn) = self.axis.read(heading_rad) {
+            ekf.correct_heading(&turn);
         }
-        let max_variance = params.heading_doubt_rad * params.heading_doubt_rad;
-        let is_in_doubt = !ekf.monitor().is_sure() || ekf.filter.pose_covariance()[(2, 2)] > max_variance;
-        let axis = if is_in_doubt { check.directions.find() } else { None };
-        if let Some(axis) =
-            axis.filter(|axis| axis.is_believed() && axis.angle_rad.abs() < params.max_heading_correction_rad)
-        {
-            ekf.filter.update_heading(-axis.angle_rad, params.axis_sigma_rad * params.axis_sigma_rad);
-        }
-        check.directions.clear();
-        check.sweeps = 0;
     }
 
     /// Continues with another map. Returns seen in the old one are discarded.
     pub(super) fn replace_map(&mut self, grid: OccupancyGrid) {
         self.grid = grid;
         self.forget_way();
-        self.heading_check.directions.clear();
     }
 
     /// Discards the map: the encoder was faulty when it began.

@@ -92,10 +92,10 @@ impl Predicted {
         debug_assert_eq!(self.sweep, sweep.index, "the prediction of another sweep");
         let way_m = stages.follow_way(sweep, self.robot.step);
         let can_correct = stages.can_correct;
-        self.robot.ekf.correct(sweep, permit.is_some(), |sensor| can_correct && stages.detector.is_trusted(sensor));
         if can_correct {
             stages.check_heading(&mut self.robot.ekf, sweep);
         }
+        self.robot.ekf.correct(sweep, permit.is_some(), |sensor| can_correct && stages.detector.is_trusted(sensor));
         stages.learn_errors(&self.robot.ekf);
         stages.check_place(sweep, self.robot.ekf.filter.pose(), way_m);
         Corrected { robot: self.robot, sweep }
@@ -107,6 +107,10 @@ impl Predicted {
     pub(super) fn hold<'s>(mut self, judged: &Judged<'s>, stages: &mut Stages) -> (Corrected<'s>, bool) {
         let sweep = judged.sweep;
         let is_carried = stages.follow_way(sweep, self.robot.step).is_none();
+        // Wherever the robot is, the building's axis is the same.
+        if stages.can_correct && !is_carried {
+            stages.check_heading(&mut self.robot.ekf, sweep);
+        }
         self.robot.ekf.ignore_sweep();
         (Corrected { robot: self.robot, sweep }, is_carried)
     }
