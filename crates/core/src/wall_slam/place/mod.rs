@@ -11,8 +11,9 @@
 //! What the map does not tell counts for nothing: a robot that enters a new room is not lost.
 
 pub(super) mod agreement;
-mod field;
+pub(super) mod field;
 pub(super) mod jump;
+pub(super) mod map_match;
 pub(super) mod monitor;
 pub(crate) mod params;
 mod scan;

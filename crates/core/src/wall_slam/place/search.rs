@@ -106,6 +106,11 @@ impl PlaceSearch {
         }
     }
 
+    /// The map in which the robot is sought.
+    pub(in crate::wall_slam) const fn field(&self) -> &Field {
+        &self.field
+    }
+
     /// The believed pose, as the wheels have moved it.
     pub(in crate::wall_slam) fn believed(&self, trail: &Trail) -> Pose2 {
         self.believed * trail.pose()
