@@ -1,4 +1,5 @@
-//! The robot is elsewhere: its pose follows the wheels, nothing is learnt or drawn, and it is sought in the map for as long as it takes.
+//! The robot is elsewhere: its pose follows the wheels, nothing is learnt or drawn in the map, and it is sought in the map for as long as it
+//! takes. Meanwhile it draws a second map ([`LocalMap`]), which may tell the place later.
 
 use super::Mode;
 use super::encoder_fault::{self, Response};
