@@ -20,6 +20,7 @@ mod expected_range;
 mod initializer;
 mod initializing;
 mod introspection;
+mod local_map;
 mod lost;
 mod map_update;
 mod odometry_outage;

@@ -22,7 +22,7 @@ use crate::params::Params;
 use crate::pipeline::{Estimator, Waiting};
 use crate::position::ekf_slam::Association;
 use crate::saved_state::{InvalidState, SavedState};
-use crate::sweep::Sweep;
+use crate::sweep::{Beam, Sweep};
 use crate::time::Timestamp;
 use crate::wall_slam::WallSlam;
 use search::{Found, Place, Searcher};
@@ -123,9 +123,12 @@ impl Localizer {
     }
 
     /// Starts the search again if the sweeps no longer match the known walls.
-    fn detect_loss(&mut self, at: Timestamp, events: &mut Vec<Event>) {
+    fn detect_loss(&mut self, sweep: &Sweep, is_driving: bool, events: &mut Vec<Event>) {
+        let at = sweep.at;
         let associations = self.slam.associations();
-        let has_returns = associations.iter().any(|used| !matches!(used, Association::Unused));
+        // A lost robot follows its wheels, and no return is associated with a wall.
+        let is_lost = self.slam.is_lost() && is_driving && sweep.beams.iter().any(Beam::has_range);
+        let has_returns = is_lost || associations.iter().any(|used| !matches!(used, Association::Unused));
         if has_returns {
             let matches_wall = associations.iter().any(|used| matches!(used, Association::Wall(_)));
             self.matching_share +=
@@ -183,12 +186,13 @@ impl Estimator for Localizer {
         let rolled_m = 0.5 * (sweep.left_m + sweep.right_m).abs();
         let turned_rad = (sweep.right_m - sweep.left_m).abs() / self.config.robot.wheel_base_m;
         self.moved_m += rolled_m + self.params.localize.turn_m_per_rad * turned_rad;
-        if sweep.left_m.abs() + sweep.right_m.abs() > self.params.localize.standstill_m {
+        let is_driving = sweep.left_m.abs() + sweep.right_m.abs() > self.params.localize.standstill_m;
+        if is_driving {
             self.driven_s += sweep.elapsed_s;
         }
         if self.is_found {
             self.slam.update(sweep, events);
-            self.detect_loss(sweep.at, events);
+            self.detect_loss(sweep, is_driving, events);
             return;
         }
         self.slam.update(sweep, &mut self.scratch);

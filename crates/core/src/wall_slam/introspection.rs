@@ -98,6 +98,11 @@ impl WallSlam {
         self.ekf().map_or(&[], EkfSlam::associations)
     }
 
+    /// True while the robot is elsewhere than its pose.
+    pub(crate) const fn is_lost(&self) -> bool {
+        matches!(self.mode, Mode::Lost(_))
+    }
+
     /// The wheels as learnt so far.
     #[must_use]
     pub(crate) fn wheels(&self) -> Calibration {
