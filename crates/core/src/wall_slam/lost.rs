@@ -143,7 +143,8 @@ impl Seek {
     /// Whether the map since the loss allows the pose that was tried, and how it joins the one before; none while that is open.
     fn confirm(&mut self, trial: &Trial, corrected: &Corrected<'_>, stages: &Stages) -> Option<(bool, Option<Join>)> {
         let Self { search, local: Some(local), .. } = self else { return Some((true, None)) };
-        if trial.is_near || local.is_sparse() {
+        let is_early = search.way_since_loss_m(&stages.trail) < stages.place_params.join.sparse_until_m;
+        if trial.is_near || (local.is_sparse() && is_early) {
             return Some((true, None));
         }
         let join = local.confirm(corrected.robot.ekf.filter.pose(), search, stages)?;
