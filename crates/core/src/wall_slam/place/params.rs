@@ -174,14 +174,18 @@ pub struct SearchParams {
 /// | `refined_per_sweep` | 2 | candidates | by hand | As `per_sweep` |
 /// | `same_cells` | 10 | cells | by design: half a metre apart is another place | Too small: a place is its own rival. Too large: a true rival is not one |
 /// | `min_drawn_m` | 2 | m of wall cells | by hand: a map that shows less is no evidence | Too small: a few cells refuse the true pose. Too large: a wrong pose is confirmed without the map |
-/// | `sparse_until_m` | 6 | m | homes 1-16: until then a pose needs no confirmation by a map that shows less | Too small: 8 sensors are found late. Too large: a wrong pose is confirmed after the map was begun anew |
+/// | `sparse_until_m` | 6 | m | by hand: until then a pose needs no confirmation by a map that shows less | Too small: 8 sensors are found late. Too large: a wrong pose is confirmed after the map was begun anew |
 /// | `min_matched_m` | 4 | m of wall cells | homes 1-12 | Too small: a corner counts as a place. Too large: ambiguity is told late |
 /// | `min_join_m` | 8 | m of wall cells | homes 1-12: with 4, rooms of one size in unmapped parts are taken for known ones | As there. Too large: found late |
 /// | `min_explained` | 0.86 | of the wall cells of which the other map tells | homes 1-12 | Too small: wrong places. Too large: clutter hides the true one |
 /// | `rival_explained` | 0.6 | of those | homes 1-12 | Too small: the robot stays lost. Too large: the true place is no rival of a wrong one |
 /// | `min_lead_m` | 1 | m of wall cells | homes 1-12 | Too small: one of two alike rooms is chosen by chance. Too large: the robot stays lost |
 /// | `min_lead` | 0.2 | of the best | as `min_lead_m` | As `min_lead_m` |
+<<<<<<< HEAD
 /// | `confirm_lead` | 0.2 | of a place's score | homes 1-16: the same for a pose that the latest readings found, too; with 0.12 a room like another is taken for it | As `min_lead_m` |
+=======
+/// | `confirm_lead` | 0.2 | of a place's score | by hand: the same for a pose that the latest readings found, too | As `min_lead_m` |
+>>>>>>> place
 /// | `same_join_cells` | 3 | cells | by hand: two matches in a row agree | Too small: drift hides the place. Too large: chance agrees |
 /// | `max_off_rad` | 10 | deg | by hand: the headings in both maps differ by quarter turns | Too small: the true place is refused. Too large: a wrong heading is not |
 /// | `new_map_after_m` | 4 | m | by hand: a local map in which the robot is lost for so long is drawn anew | Too small: a passing loss discards it. Too large: the search pauses |
