@@ -7,6 +7,7 @@ mod fuzz;
 mod kill;
 mod localize;
 mod never_silent;
+mod recordings;
 mod reliability;
 mod replug;
 mod seeds;
@@ -36,6 +37,7 @@ enum Task {
     Localize(localize::Options),
     NeverSilent(never_silent::Options),
     Reliability(reliability::Options),
+    Recordings(recordings::Options),
 }
 
 /// Builds the program that a task starts, in this program's own profile, without the viewer.
@@ -70,5 +72,6 @@ fn main() {
         Task::Localize(options) => localize::run(&options),
         Task::NeverSilent(options) => never_silent::run(&options),
         Task::Reliability(options) => reliability::run(&options),
+        Task::Recordings(options) => recordings::run(&options),
     }
 }
