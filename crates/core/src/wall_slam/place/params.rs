@@ -181,11 +181,7 @@ pub struct SearchParams {
 /// | `rival_explained` | 0.6 | of those | homes 1-12 | Too small: the robot stays lost. Too large: the true place is no rival of a wrong one |
 /// | `min_lead_m` | 1 | m of wall cells | homes 1-12 | Too small: one of two alike rooms is chosen by chance. Too large: the robot stays lost |
 /// | `min_lead` | 0.2 | of the best | as `min_lead_m` | As `min_lead_m` |
-<<<<<<< HEAD
-/// | `confirm_lead` | 0.2 | of a place's score | homes 1-16: the same for a pose that the latest readings found, too; with 0.12 a room like another is taken for it | As `min_lead_m` |
-=======
 /// | `confirm_lead` | 0.2 | of a place's score | by hand: the same for a pose that the latest readings found, too | As `min_lead_m` |
->>>>>>> place
 /// | `same_join_cells` | 3 | cells | by hand: two matches in a row agree | Too small: drift hides the place. Too large: chance agrees |
 /// | `max_off_rad` | 10 | deg | by hand: the headings in both maps differ by quarter turns | Too small: the true place is refused. Too large: a wrong heading is not |
 /// | `new_map_after_m` | 4 | m | by hand: a local map in which the robot is lost for so long is drawn anew | Too small: a passing loss discards it. Too large: the search pauses |
