@@ -45,10 +45,6 @@ fn note_localization(event: &LocalizationEvent) {
             "position found again, {moved_m:.2} m and {:.0} degrees off; poses since {since_s:.1} s were uncertain",
             turned_rad.to_degrees()
         ),
-        LocalizationChange::Ambiguous { .. } => {
-            let reason = event.change.why_not_found().unwrap_or_default();
-            tracing::warn!("position still lost: {reason}");
-        }
         LocalizationChange::Doubted { reason } => {
             tracing::warn!("poses are uncertain since {since_s:.1} s: {reason}");
         }

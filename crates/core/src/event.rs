@@ -139,9 +139,7 @@ impl LocalizationEvent {
     #[must_use]
     pub fn is_lost(&self) -> bool {
         match &self.change {
-            LocalizationChange::Lost | LocalizationChange::Doubted { .. } | LocalizationChange::Ambiguous { .. } => {
-                true
-            }
+            LocalizationChange::Lost | LocalizationChange::Doubted { .. } => true,
             LocalizationChange::Regained { .. } | LocalizationChange::Trusted => false,
             LocalizationChange::KnownMap(search) => search.state != SearchState::Found,
         }
@@ -160,11 +158,6 @@ pub enum LocalizationChange {
         /// Error of the heading estimate until now, radians.
         turned_rad: f64,
     },
-    /// The pose is still lost: several places of the map look like what was mapped since. The robot waits until only one does.
-    Ambiguous {
-        /// How many places, 2 at least.
-        places: usize,
-    },
     /// The pose cannot be relied on, though the echoes may agree with the map: the robot itself is in doubt.
     Doubted {
         /// Explanation for people.
@@ -174,18 +167,6 @@ pub enum LocalizationChange {
     Trusted,
     /// Progress of the search for the start pose in a known map. Only the localizer sends it.
     KnownMap(KnownMapSearch),
-}
-
-impl LocalizationChange {
-    /// Why a lost robot is not found yet, for people; none for other changes.
-    #[must_use]
-    pub fn why_not_found(&self) -> Option<String> {
-        let Self::Ambiguous { places } = self else { return None };
-        let places = if *places > 9 { "many".into() } else { places.to_string() };
-        Some(format!(
-            "what was mapped since the loss looks the same from {places} places; more driving tells them apart"
-        ))
-    }
 }
 
 /// Search for the robot's pose in a known map.

@@ -31,4 +31,4 @@ pub use crate::position::params::{
 pub use crate::robot_model::params::Params as RobotModelParams;
 pub use crate::wall_slam::WallSlam;
 pub use crate::wall_slam::params::Params as WallSlamParams;
-pub use crate::wall_slam::place::params::{JoinParams, Params as PlaceParams, SearchParams};
+pub use crate::wall_slam::place::params::{Params as PlaceParams, SearchParams};

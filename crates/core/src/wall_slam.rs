@@ -20,7 +20,6 @@ mod expected_range;
 mod initializer;
 mod initializing;
 mod introspection;
-mod local_map;
 mod lost;
 mod map_update;
 mod odometry_outage;

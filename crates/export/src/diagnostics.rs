@@ -101,10 +101,6 @@ impl Diagnostics {
                     LocalizationChange::Regained { .. } => {
                         Status::new(Level::Ok, "known", "position found again", Some(event.at))
                     }
-                    LocalizationChange::Ambiguous { .. } => {
-                        let reason = event.change.why_not_found().unwrap_or_default();
-                        Status::new(Level::Error, "ambiguous", reason.as_str(), Some(event.since))
-                    }
                     LocalizationChange::Doubted { reason } => {
                         Status::new(Level::Error, "doubtful", reason.as_str(), Some(event.since))
                     }

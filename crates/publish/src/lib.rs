@@ -287,7 +287,6 @@ impl Outputs {
         summary.nothing_mapped = ending::nothing_mapped(state, &summary);
         let lost_since_s = self.lock_log.open_since().map(Timestamp::seconds);
         summary.doubtful = ending::doubts(state, &summary, lost_since_s);
-        summary.doubtful.extend(self.lock_log.why_open().map(Into::into));
         summary.doubtful.extend_from_slice(&self.doubts);
         summary.faults = self.faults.as_ref().map(|meter| meter.detection().score());
         (summary.mean_us_per_sweep, summary.p99_us_per_sweep) = self.timings.mean_and_p99_us().unzip();

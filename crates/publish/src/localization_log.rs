@@ -13,28 +13,24 @@ pub(super) struct LockLog {
     uncertain_s: f64,
     /// Since when the poses are uncertain, while they are.
     open_since: Option<Timestamp>,
-    /// Why the robot is not found, while that is known.
-    why_open: Option<String>,
 }
 
 impl LockLog {
     pub(super) fn create(folder: &Path) -> Result<Self, WriteError> {
         let mut file = PartFile::create(&folder.join("lock.csv"))?;
         file.append(b"t_s,change,uncertain_since_s\n");
-        Ok(Self { file, losses: 0, uncertain_s: 0.0, open_since: None, why_open: None })
+        Ok(Self { file, losses: 0, uncertain_s: 0.0, open_since: None })
     }
 
     pub(super) fn append(&mut self, event: &LocalizationEvent) {
         let change = match event.change {
             LocalizationChange::Lost => "lost",
             LocalizationChange::Regained { .. } => "regained",
-            LocalizationChange::Ambiguous { .. } => "ambiguous",
             LocalizationChange::Doubted { .. } => "doubted",
             LocalizationChange::Trusted => "trusted",
             // The search in a known map goes to `summary.json`.
             LocalizationChange::KnownMap(_) => return,
         };
-        self.why_open = event.change.why_not_found();
         if event.is_lost() {
             self.losses += u64::from(event.change == LocalizationChange::Lost);
             self.open_since.get_or_insert(event.since);
@@ -60,11 +56,6 @@ impl LockLog {
     /// Since when the poses are uncertain, if they are.
     pub(super) const fn open_since(&self) -> Option<Timestamp> {
         self.open_since
-    }
-
-    /// Why the robot is not found, if that is known.
-    pub(super) fn why_open(&self) -> Option<&str> {
-        self.why_open.as_deref()
     }
 
     /// Gives the file its name while it grows.
@@ -96,10 +87,8 @@ mod tests {
         event(12, 10, LocalizationChange::Lost);
         event(20, 10, LocalizationChange::Regained { moved_m: 1.0, turned_rad: 0.0 });
         event(32, 30, LocalizationChange::Lost);
-        event(40, 30, LocalizationChange::Ambiguous { places: 2 });
         assert!((log.uncertain_s(Some(at(100))) - 80.0).abs() < 1e-9);
         assert_eq!((log.losses(), log.open_since()), (2, Some(at(30))));
-        assert!(log.why_open().is_some_and(|why| why.contains("from 2 places")), "{:?}", log.why_open());
         log.complete().unwrap().name().unwrap();
         let text = std::fs::read_to_string(folder.path().join("lock.csv")).unwrap();
         assert_eq!(text.lines().last(), Some(",open,30.000000"));

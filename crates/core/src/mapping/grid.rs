@@ -3,17 +3,14 @@
 //! A cell holds ln(p / (1 − p)) in hundredths, clamped so that the map can follow a changed world (Thrun, Burgard and Fox, Probabilistic
 //! Robotics, chapter 9). Tiles appear where something is written; how many is bounded, and what did not fit is counted.
 
-mod join;
 mod patch;
 mod ray;
 mod saved;
-mod undo;
 mod whole;
 
 pub use patch::{MapChange, Patch, percents};
 pub(crate) use ray::Reader;
 
-use self::undo::Undo;
 use super::params::Params;
 use crate::geometry::Point;
 use rustc_hash::FxHashMap;
@@ -62,8 +59,6 @@ struct Tile {
     normal: [[u32; 2]; TILE],
     /// The grid's revision at the last change.
     revision: u64,
-    /// The number of the mark that holds a copy of it.
-    mark: u64,
 }
 
 impl Tile {
@@ -91,7 +86,6 @@ pub struct OccupancyGrid {
     extent: Option<[[i32; 2]; 2]>,
     refused: u64,
     revision: u64,
-    undo: Option<Box<Undo>>,
 }
 
 impl OccupancyGrid {
@@ -114,7 +108,6 @@ impl OccupancyGrid {
             extent: None,
             refused: 0,
             revision: 0,
-            undo: None,
         }
     }
 
@@ -229,22 +222,13 @@ impl OccupancyGrid {
                     return None;
                 };
                 self.extent = Some(extent);
-                self.tiles.push(Box::new(Tile {
-                    cells: [0; TILE * TILE],
-                    normal: [[0; 2]; TILE],
-                    revision: 0,
-                    mark: 0,
-                }));
+                self.tiles.push(Box::new(Tile { cells: [0; TILE * TILE], normal: [[0; 2]; TILE], revision: 0 }));
                 self.indices.insert(key, index);
                 index
             }
         };
         self.recent = Some((key, index));
-        let tile = &mut *self.tiles[index];
-        tile.revision = self.revision;
-        if let Some(undo) = &mut self.undo {
-            undo.keep(index, tile);
-        }
+        self.tiles[index].revision = self.revision;
         Some(index)
     }
 

@@ -94,11 +94,6 @@ impl AxisTracker {
         }
     }
 
-    /// One with the same constants.
-    pub(crate) fn fresh(&self) -> Self {
-        Self::new(self.params)
-    }
-
     /// Forgets the returns: the wheels were wrong, or the robot was carried.
     pub(crate) fn clear(&mut self) {
         self.returns.clear();

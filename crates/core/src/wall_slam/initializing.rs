@@ -122,8 +122,8 @@ impl Following {
             Self::Relocalizing(Relocalizing { robot, relocalizer }) => {
                 Relocalizing::follow(robot.predict(judged.sweep()), relocalizer, judged, stages, events)
             }
-            Self::Lost(Lost { robot, seek }) => {
-                Lost::follow(robot.predict(judged.sweep()), seek, judged, stages, events)
+            Self::Lost(Lost { robot, search, trial }) => {
+                Lost::follow(robot.predict(judged.sweep()), search, trial, judged, stages, events)
             }
         }
     }

@@ -5,7 +5,6 @@ use super::doubts::{Doubt, Doubts};
 use super::expected_range;
 use super::params::Params;
 use super::place::jump::JumpDetector;
-use super::place::map_match::Join;
 use super::place::monitor::{PlaceMonitor, Scene};
 use super::place::params::Params as PlaceParams;
 use super::place::search::{Find, PlaceSearch};
@@ -15,7 +14,7 @@ use crate::event::{Calibration, Event};
 use crate::fault::detector::Detector;
 use crate::fault::encoder::{EncoderChange, EncoderWatch};
 use crate::geometry::{Placement, Pose2, Ring};
-use crate::mapping::grid::{Cell, OccupancyGrid};
+use crate::mapping::grid::OccupancyGrid;
 use crate::orientation::axis_tracker::AxisTracker;
 use crate::orientation::dominant_directions::DominantDirections;
 use crate::params;
@@ -56,10 +55,6 @@ pub(super) struct Stages {
     jumps: JumpDetector,
     /// The noise that the readings show, metres, if it is far more than configured; and whether that was told.
     far_range_sigma_m: (Option<f64>, bool),
-    /// The next mark to which the map can be taken back is set at this way, metres.
-    next_mark_m: f64,
-    /// The robot is lost, and this is the map that it draws meanwhile.
-    is_local: bool,
 }
 
 impl Stages {
@@ -89,44 +84,9 @@ impl Stages {
             trail: Trail::new(&params.place),
             jumps: JumpDetector::new(ring.len(), &params.place),
             far_range_sigma_m: (None, false),
-            next_mark_m: 0.0,
-            is_local: false,
             params: params.wall_slam,
             position,
         }
-    }
-
-    /// Stages with an empty map for a robot that is lost in this one; none if this map is such a one itself.
-    pub(super) fn for_local_map(&self) -> Option<Self> {
-        (!self.is_local).then(|| Self {
-            params: self.params,
-            position: self.position,
-            max_range_m: self.max_range_m,
-            wheels: self.wheels,
-            detector: self.detector.clone(),
-            encoders: self.encoders.clone(),
-            axis: self.axis.fresh(),
-            axis_monitor: AxisMonitor::default(),
-            finder: self.fresh_finder(),
-            grid: OccupancyGrid::with_params(self.grid.cell_m(), *self.grid.params()),
-            can_correct: self.can_correct,
-            can_detect_loss: self.can_detect_loss,
-            last_agreement: self.last_agreement,
-            doubts: Doubts::default(),
-            place_params: self.place_params,
-            place: PlaceMonitor::new(&self.place_params),
-            trail: Trail::new(&self.place_params),
-            jumps: self.jumps.clone(),
-            far_range_sigma_m: (None, true),
-            next_mark_m: 0.0,
-            is_local: true,
-        })
-    }
-
-    fn fresh_finder(&self) -> DominantDirections {
-        let mut finder = self.finder.clone();
-        finder.clear();
-        finder
     }
 
     /// Runs the sensors' fault tests. With a `pose`, a silent beam is compared with what the map says it must hear from there.
@@ -214,24 +174,6 @@ impl Stages {
     pub(super) fn search(&mut self, search: &mut PlaceSearch) -> Option<Find> {
         let scene = Scene { grid: &self.grid, max_range_m: self.max_range_m, params: &self.place_params };
         search.step(&self.trail, &scene, &mut self.finder)
-    }
-
-    /// Marks the map every half metre, so that what is drawn from here on can be taken back.
-    pub(super) fn mark_map(&mut self, sweep: &Sweep) {
-        let way_m = self.trail.way_m();
-        if way_m >= self.next_mark_m {
-            self.grid.mark(sweep.index);
-            self.next_mark_m = way_m + self.place_params.mark_m;
-        }
-    }
-
-    /// Takes over the map that was drawn while the robot was lost.
-    pub(super) fn adopt(&mut self, local: &OccupancyGrid, join: Join) {
-        let place = |cell: Cell| {
-            let [column, row] = join.cell([cell.column, cell.row]);
-            Cell { column, row }
-        };
-        self.grid.adopt(local, self.place_params.join.known, !join.quarter.is_multiple_of(2), place);
     }
 
     /// Runs the encoders' fault tests.

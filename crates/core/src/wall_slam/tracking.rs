@@ -3,7 +3,8 @@
 use super::Mode;
 use super::encoder_fault::{self, Response};
 use super::initializing::Following;
-use super::lost::{Lost, Seek};
+use super::lost::Lost;
+use super::place::search::PlaceSearch;
 use super::relocalizing::Relocalizing;
 use super::stages::Stages;
 use super::step::{Corrected, Judged, Predicted, RobotState};
@@ -44,20 +45,20 @@ impl Tracking {
         let may_learn = !stages.encoders.is_suspected() && !stages.place.is_suspicious();
         let permit = may_learn.then_some(LearningPermit(()));
         let corrected = predicted.correct(judged, permit, stages);
-        let seek = detect_loss(&corrected, stages, events);
+        let search = detect_loss(&corrected, stages, events);
         if let Some(permit) = permit.filter(|_| !stages.place.is_suspicious()) {
             stages.update_map(&corrected, permit);
         }
         let robot = corrected.publish(None, events);
-        match seek {
+        match search {
             None => Following::Tracking(Self { robot }),
-            Some(seek) => Following::Lost(Lost { robot, seek }),
+            Some(search) => Following::Lost(Lost { robot, search, trial: None }),
         }
     }
 }
 
 /// Begins a search if the echoes contradict the walls or the map.
-fn detect_loss(corrected: &Corrected<'_>, stages: &mut Stages, events: &mut Vec<Event>) -> Option<Box<Seek>> {
+fn detect_loss(corrected: &Corrected<'_>, stages: &mut Stages, events: &mut Vec<Event>) -> Option<Box<PlaceSearch>> {
     let Corrected { robot, sweep } = corrected;
     if robot.ekf.monitor().is_sure() {
         stages.last_agreement = (sweep.index, sweep.at);

@@ -89,7 +89,7 @@ const MAPPING: Vary = |params| params.mapping.free = -29;
 const CEILING: Vary = |params| params.mapping.ceiling = 320;
 const WALL_SLAM: Vary = |params| params.wall_slam.axis_sigma_rad *= 1.2;
 const RESUME: Vary = |params| params.wall_slam.resume_sigma_m *= 1.2;
-const LOCALIZE: Vary = |params| params.localize.search_m *= 1.2;
+const LOCALIZE: Vary = |params| params.localize.search_m *= 0.8;
 
 /// A varied run differs from the one with the defaults, still maps, and tells whether its poses differ.
 fn differs(start: &Start, default: &Run, name: &str, vary: Vary) -> bool {

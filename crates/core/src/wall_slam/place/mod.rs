@@ -8,15 +8,11 @@
 //!    four quarter turns ([`scan`]). The best poses are compared by the same likelihood ([`search`]). One is accepted if it explains
 //!    most of the readings, no other pose is nearly as likely, and, if it is far from the believed one, a search later finds it again.
 //!
-//! 4. What the robot maps meanwhile is a second map, which is matched with the first as a whole ([`map_match`]). A pose of step 3 that is far
-//!    from the believed one must agree with it; and where much of it fits, and no other place does, the maps are joined.
-//!
 //! What the map does not tell counts for nothing: a robot that enters a new room is not lost.
 
 pub(super) mod agreement;
-pub(super) mod field;
+mod field;
 pub(super) mod jump;
-pub(super) mod map_match;
 pub(super) mod monitor;
 pub(crate) mod params;
 mod scan;

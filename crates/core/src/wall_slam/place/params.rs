@@ -44,10 +44,7 @@ use crate::geometry::degrees;
 /// | `suspect` | 1.5 | nats | measured: homes 1-12 stay below but for persons and doors | Too small: the map is suspended often. Too large: a false map is drawn |
 /// | `contradicted` | 3 | nats | by hand: between the two | Too small: the true pose is rejected. Too large: a wrong one is tried for long |
 /// | `lost` | 7 | nats | measured: well tracked drives in homes 1-12 stay below 3; with 5, three of sixty drives in homes 1-20 are lost without need | Too small: false alarms. Too large: a carried robot notices late |
-/// | `mark_m` | 0.5 | m | by hand: what a lost robot has drawn since the onset is taken back to the mark before it | Too small: memory. Too large: much that is right is taken back |
-/// | `take_back_sweeps` | 10 | sweeps | by hand: so little drawing spoils no wall | Too small: a carried robot loses half a metre that is right. Too large: double walls |
 /// | `search` | see there | - | [`SearchParams`] | |
-/// | `join` | see there | - | [`JoinParams`] | |
 #[expect(missing_docs, reason = "the table describes each field")]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Params {
@@ -87,10 +84,7 @@ pub struct Params {
     pub suspect: f64,
     pub contradicted: f64,
     pub lost: f64,
-    pub mark_m: f64,
-    pub take_back_sweeps: u64,
     pub search: SearchParams,
-    pub join: JoinParams,
 }
 
 /// The constants of the search for a lost robot.
@@ -162,82 +156,6 @@ pub struct SearchParams {
     pub same_rad: f64,
 }
 
-/// The constants of the match of the map that a lost robot draws with the map before.
-///
-/// | name | value | unit | how chosen | what breaks when it is wrong |
-/// |---|---|---|---|---|
-/// | `every_m` | 0.7 | m | by hand: the way from one match to the next | Too small: time is wasted. Too large: found late |
-/// | `points` | 600 | cells | by hand: bounds the time of a candidate | Too small: a coarse fit. Too large: time |
-/// | `coarse_points` | 128 | cells | by hand: bounds the time of a match | Too small: the true place is not among the candidates. Too large: the match takes long |
-/// | `per_sweep` | 400000 | cells compared | by hand: about a millisecond | Too small: the match takes long. Too large: a sweep does |
-/// | `candidates` | 32 | places | by hand | Too small: the true place or its rival is missed. Too large: time |
-/// | `refined_per_sweep` | 2 | candidates | by hand | As `per_sweep` |
-/// | `same_cells` | 10 | cells | by design: half a metre apart is another place | Too small: a place is its own rival. Too large: a true rival is not one |
-/// | `min_drawn_m` | 2 | m of wall cells | by hand: a map that shows less is no evidence | Too small: a few cells refuse the true pose. Too large: a wrong pose is confirmed without the map |
-/// | `sparse_until_m` | 6 | m | by hand: until then a pose needs no confirmation by a map that shows less | Too small: 8 sensors are found late. Too large: a wrong pose is confirmed after the map was begun anew |
-/// | `min_matched_m` | 4 | m of wall cells | homes 1-12 | Too small: a corner counts as a place. Too large: ambiguity is told late |
-/// | `min_join_m` | 8 | m of wall cells | homes 1-12: with 4, rooms of one size in unmapped parts are taken for known ones | As there. Too large: found late |
-/// | `min_explained` | 0.86 | of the wall cells of which the other map tells | homes 1-12 | Too small: wrong places. Too large: clutter hides the true one |
-/// | `rival_explained` | 0.6 | of those | homes 1-12 | Too small: the robot stays lost. Too large: the true place is no rival of a wrong one |
-/// | `min_lead_m` | 1 | m of wall cells | homes 1-12 | Too small: one of two alike rooms is chosen by chance. Too large: the robot stays lost |
-/// | `min_lead` | 0.2 | of the best | as `min_lead_m` | As `min_lead_m` |
-/// | `confirm_lead` | 0.2 | of a place's score | by hand: the same for a pose that the latest readings found, too | As `min_lead_m` |
-/// | `same_join_cells` | 3 | cells | by hand: two matches in a row agree | Too small: drift hides the place. Too large: chance agrees |
-/// | `max_off_rad` | 10 | deg | by hand: the headings in both maps differ by quarter turns | Too small: the true place is refused. Too large: a wrong heading is not |
-/// | `new_map_after_m` | 4 | m | by hand: a local map in which the robot is lost for so long is drawn anew | Too small: a passing loss discards it. Too large: the search pauses |
-/// | `known` | 50 | 0.01 log-odds | by hand: two beams with an echo | Too small: gaps stay. Too large: the maps' errors blur walls |
-#[expect(missing_docs, reason = "the table describes each field")]
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct JoinParams {
-    pub every_m: f64,
-    pub points: usize,
-    pub coarse_points: usize,
-    pub per_sweep: usize,
-    pub candidates: usize,
-    pub refined_per_sweep: usize,
-    pub same_cells: i32,
-    pub min_drawn_m: f64,
-    pub sparse_until_m: f64,
-    pub min_matched_m: f64,
-    pub min_join_m: f64,
-    pub min_explained: f64,
-    pub rival_explained: f64,
-    pub min_lead_m: f64,
-    pub min_lead: f64,
-    pub confirm_lead: f64,
-    pub same_join_cells: i32,
-    pub max_off_rad: f64,
-    pub new_map_after_m: f64,
-    pub known: i16,
-}
-
-impl Default for JoinParams {
-    fn default() -> Self {
-        Self {
-            every_m: 0.7,
-            points: 600,
-            coarse_points: 128,
-            per_sweep: 400_000,
-            candidates: 32,
-            refined_per_sweep: 2,
-            same_cells: 10,
-            min_drawn_m: 2.0,
-            sparse_until_m: 6.0,
-            min_matched_m: 4.0,
-            min_join_m: 8.0,
-            min_explained: 0.86,
-            rival_explained: 0.6,
-            min_lead_m: 1.0,
-            min_lead: 0.2,
-            confirm_lead: 0.2,
-            same_join_cells: 3,
-            max_off_rad: degrees(10.0),
-            new_map_after_m: 4.0,
-            known: 50,
-        }
-    }
-}
-
 impl Default for Params {
     fn default() -> Self {
         Self {
@@ -277,10 +195,7 @@ impl Default for Params {
             suspect: 1.5,
             contradicted: 3.0,
             lost: 7.0,
-            mark_m: 0.5,
-            take_back_sweeps: 10,
             search: SearchParams::default(),
-            join: JoinParams::default(),
         }
     }
 }

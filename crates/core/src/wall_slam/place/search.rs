@@ -106,16 +106,6 @@ impl PlaceSearch {
         }
     }
 
-    /// The way since the loss, metres.
-    pub(in crate::wall_slam) fn way_since_loss_m(&self, trail: &Trail) -> f64 {
-        trail.way_m() - self.lost_m
-    }
-
-    /// The map in which the robot is sought.
-    pub(in crate::wall_slam) const fn field(&self) -> &Field {
-        &self.field
-    }
-
     /// The believed pose, as the wheels have moved it.
     pub(in crate::wall_slam) fn believed(&self, trail: &Trail) -> Pose2 {
         self.believed * trail.pose()
