@@ -101,6 +101,6 @@ fn a_slip_is_detected_reported_and_corrected() {
     assert!((SLIP_S - 1.0..SLIP_S + 10.0).contains(&lost.at.seconds()), "{lost:?}");
     assert!((SLIP_S - 1.0..SLIP_S + 2.0).contains(&found.since.seconds()), "{found:?}");
     let LocalizationChange::Regained { moved_m, turned_rad } = found.change else { panic!("{found:?}") };
-    assert!((moved_m - SLIP_M).abs() < 0.1 && turned_rad.abs() < 0.1, "{found:?}");
+    assert!((moved_m - SLIP_M).abs() < 0.1 && turned_rad.abs() < 0.15, "{found:?}");
     assert!(worst_m < 0.2, "{worst_m} m");
 }
