@@ -43,8 +43,8 @@ fn row(name: &str, what: &str, figures: &Figures) {
     let relations = figures
         .relations
         .as_ref()
-        .map_or("-".into(), |error| format!("{:.2} / {:.2}", error.translation_m[0], error.rotation_deg[0]));
-    let ate = |metres: Option<f64>| metres.map_or("-".into(), |metres| format!("{metres:.2}"));
+        .map_or_else(|| "-".into(), |error| format!("{:.2} / {:.2}", error.translation_m[0], error.rotation_deg[0]));
+    let ate = |metres: Option<f64>| metres.map_or_else(|| "-".into(), |metres| format!("{metres:.2}"));
     println!(
         "| {name} | {what} | {relations} | {} / {} | {:.1} | {:.2} | {} |",
         ate(figures.ate_first_m),

@@ -209,11 +209,13 @@ pub(super) fn driven_m(sweeps: &[Sweep], at_s: f64) -> f64 {
 /// Size of the estimated path over that of the true one, from 5 to 15 m of way: the spread of the points of each part of the way. The
 /// median of the parts, for a jump of the pose in one of them is no scale.
 fn scale(pairs: &[Pair<Estimate>], sweeps: &[Sweep]) -> f64 {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some metres of way")]
+    let part = |sweep: &Sweep| (sweep.driven_m / SCALE_PART_M) as usize;
     let way: Vec<_> = pairs
         .iter()
         .zip(sweeps)
         .filter(|(_, sweep)| (SCALE_FROM_M..SCALE_UNTIL_M).contains(&sweep.driven_m))
-        .map(|(pair, sweep)| (pair, (sweep.driven_m / SCALE_PART_M) as usize))
+        .map(|(pair, sweep)| (pair, part(sweep)))
         .collect();
     let ratios: Vec<f64> = way
         .chunk_by(|a, b| a.1 == b.1)

@@ -57,7 +57,8 @@ impl RobotModel {
     /// True if its ranges are those of `other`, or half or twice as long: one way is counted for two, or two for one. Sound has one
     /// speed, so no other unit is believed.
     pub(super) fn has_known_unit(&self, other: &Self) -> bool {
-        KNOWN_UNITS.contains(&(self.range / other.range)) || self.range == other.range
+        let ratio = self.range / other.range;
+        KNOWN_UNITS.into_iter().chain([1.0]).any(|unit| (ratio - unit).abs() < 1e-9)
     }
 
     /// The configured robot with ranges of half or twice the length, if the walls can hardly tell it from this one: that travel alone

@@ -225,7 +225,7 @@ fn runs(raster: &Raster, is_along_x: bool) -> Vec<Line> {
         found.extend(run);
     }
     // Half of a wall may lie in the rows beside it, never most of it.
-    found.retain(|run| run.to - run.from + 1 >= min_run && 3 * run.weight >= run.to - run.from + 1);
+    found.retain(|run| run.to - run.from + 1 >= min_run && 3 * run.weight > run.to - run.from);
     found.sort_by_key(|run| (std::cmp::Reverse(run.weight), run.across, run.from));
     let mut kept: Vec<Line> = Vec::new();
     for run in found {
