@@ -42,18 +42,28 @@ pub(super) struct Wheel {
 }
 
 /// Puts the rows' times in order. `run` is the run to keep where there are several, from 1.
-pub(super) fn repair(rows: &mut Vec<Row>, wheel: Wheel, run: Option<usize>) -> Stamps {
+///
+/// # Errors
+/// Where there is no such run. The text says how many there are.
+pub(super) fn repair(rows: &mut Vec<Row>, wheel: Wheel, run: Option<usize>) -> Result<Stamps, String> {
     let stamps = Stamps::default();
     let typical_s = typical_step_s(rows);
     let mut walk = Walk { rows, wheel, typical_s, offset_s: 0.0, stamps, wrong: Vec::new(), starts: vec![0] };
     walk.all();
     let Walk { mut stamps, wrong, starts, .. } = walk;
     say_wrong(&wrong, &mut stamps);
-    let count = starts.len();
+    let (count, chosen) = (starts.len(), run.unwrap_or(1));
+    let lines: Vec<String> =
+        starts.iter().skip(1).filter_map(|start| Some(format!("line {}", rows.get(*start)?.line))).collect();
+    if !(1..=count).contains(&chosen) {
+        let runs = if lines.is_empty() {
+            "1 run".into()
+        } else {
+            format!("{count} runs; after the first they begin in {}", lines.join(", "))
+        };
+        return Err(format!("--run {chosen}: the recording has {runs}"));
+    }
     if count > 1 {
-        let chosen = run.unwrap_or(1).clamp(1, count);
-        let lines: Vec<String> =
-            starts.iter().skip(1).filter_map(|start| Some(format!("line {}", rows.get(*start)?.line))).collect();
         stamps.remarks.push(format!(
             "{}: another run begins here: the time starts anew, and the robot stands elsewhere; run {chosen} of {count} is imported, --run takes another",
             lines.join(", ")
@@ -63,7 +73,7 @@ pub(super) fn repair(rows: &mut Vec<Row>, wheel: Wheel, run: Option<usize>) -> S
         rows.truncate(end);
         rows.drain(..start.min(rows.len()));
     }
-    stamps
+    Ok(stamps)
 }
 
 struct Walk<'a> {
@@ -257,7 +267,7 @@ mod tests {
     }
 
     fn repaired(mut rows: Vec<Row>) -> (Vec<f64>, Stamps) {
-        let stamps = repair(&mut rows, WHEEL, None);
+        let stamps = repair(&mut rows, WHEEL, None).unwrap();
         (rows.iter().map(|row| row.t_s).collect(), stamps)
     }
 
@@ -331,11 +341,24 @@ mod tests {
         let (times, stamps) = repaired(anew(false));
         assert_right(&times, 0.11);
         assert!(stamps.remarks[0].contains("line 62: the clock steps by"), "{:?}", stamps.remarks);
-        for (run, count) in [(None, 60), (Some(1), 60), (Some(2), 40), (Some(9), 40)] {
+        for (run, count) in [(None, 60), (Some(1), 60), (Some(2), 40)] {
             let mut rows = anew(true);
-            let stamps = repair(&mut rows, WHEEL, run);
+            let stamps = repair(&mut rows, WHEEL, run).unwrap();
             assert_eq!(rows.len(), count);
             assert!(stamps.remarks[0].starts_with("line 62: another run begins here"), "{:?}", stamps.remarks);
         }
+    }
+
+    #[test]
+    fn a_run_that_is_not_there_is_an_error_that_says_how_many_there_are() {
+        let two = drive(|k| right(k % 60)).into_iter().enumerate().map(|(k, row)| Row {
+            ticks: [Some(i32::try_from(k % 60).unwrap() * 100); 2],
+            readings: vec![if k < 60 { 2.0 } else { 0.4 }; 4],
+            ..row
+        });
+        let error = repair(&mut two.collect(), WHEEL, Some(3)).unwrap_err();
+        assert_eq!(error, "--run 3: the recording has 2 runs; after the first they begin in line 62");
+        let error = repair(&mut drive(right), WHEEL, Some(2)).unwrap_err();
+        assert_eq!(error, "--run 2: the recording has 1 run");
     }
 }
