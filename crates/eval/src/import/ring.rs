@@ -12,7 +12,7 @@ use super::columns::{Columns, Role, T_S, roles};
 use super::counts::{self, Cells, Counting};
 use super::drive::{Drive, Found};
 use super::rows::{Filler, Row};
-use super::sequence::{spread_equal, typical_step_s};
+use super::sequence::spread_equal;
 use super::table::{Record, Table, excerpt};
 use super::{ImportError, Options, SourceLine, text, times};
 use slamd_core::Config;
@@ -60,9 +60,7 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
         row.t_s *= unit_s;
         cells.t_s = row.t_s;
     }
-    if options.time_unit.is_none() {
-        found.doubts.extend(times::check(typical_step_s(&rows), file)?);
-    }
+    found.doubts.extend(times::check(&rows, options.time_unit, file)?);
     found.remarks.extend(spread_equal(&mut rows));
     check_negative(&rows, options, &roles, file)?;
     let metres_per_tick = TAU * config.robot.wheel_radius_m / f64::from(ticks_per_turn);
