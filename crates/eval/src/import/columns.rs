@@ -164,7 +164,7 @@ mod tests {
 
     fn of(spec: Option<&str>, header: Option<&str>, sensors: usize) -> Result<Vec<Role>, String> {
         let columns = spec.map(|spec| spec.parse::<Columns>()).transpose()?;
-        let header = header.map(|header| Record { line: 1, fields: header.split(',').map(str::to_owned).collect() });
+        let header = header.map(|header| Record::new(1, header.split(',').map(str::to_owned).collect()));
         roles(columns.as_ref(), header.as_ref(), "a.csv", sensors).map_err(|error| error.to_string())
     }
 

@@ -21,6 +21,7 @@ mod sequence;
 mod stamps;
 mod table;
 mod text;
+mod tick_cells;
 mod ticks;
 mod times;
 mod wheel_check;
