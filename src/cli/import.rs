@@ -7,7 +7,7 @@ use slamd_capture::CaptureError;
 use slamd_eval::import::{
     Columns, Counting, Drive, ImportError, Options, RangeUnit, Scan, TimeUnit, bag, carmen, ring,
 };
-use std::fs::File;
+use slamd_files::regular;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
@@ -125,7 +125,7 @@ impl ImportArgs {
             if is_standard_input {
                 return Ok(Box::new(io::stdin().lock()));
             }
-            let file = File::open(input_path).map_err(|source| ImportError::Io { file: name.clone(), source })?;
+            let file = regular::open(input_path).map_err(|source| ImportError::Io { file: name.clone(), source })?;
             Ok(Box::new(file))
         };
         let drive = match &self.format {
