@@ -107,6 +107,8 @@ pub struct Options {
     pub time_unit: Option<TimeUnit>,
     /// Readings that mean "no echo".
     pub no_echo: Vec<f64>,
+    /// The same as texts that are no numbers, such as `NULL`, of a CSV.
+    pub no_echo_words: Vec<String>,
     /// How the encoders count; found out if none is given.
     pub counting: Option<Counting>,
     /// The run to import, from 1, where the recording has several.

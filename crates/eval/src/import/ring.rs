@@ -52,7 +52,7 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
             .push(format!("line 1: `{garbage}` is no row; what stands before the header in line {header} is left out"));
     }
     tick_cells::check_separators(table.records(), &roles, file)?;
-    let (mut rows, mut cells) = parse(&table, &roles, file, sensors, &mut found)?;
+    let (mut rows, mut cells) = parse(&table, &roles, (file, sensors), &options.no_echo_words, &mut found)?;
     if rows.is_empty() {
         return Err(ImportError::Empty { file: file.into(), expected: "a header line and rows" });
     }
@@ -104,8 +104,8 @@ const MAX_HEAD: usize = 200;
 fn parse(
     table: &Table<'_>,
     roles: &[Role],
-    file: &str,
-    sensors: usize,
+    (file, sensors): (&str, usize),
+    no_echo: &[String],
     found: &mut Found,
 ) -> Result<(Vec<Row>, Vec<Cells>), ImportError> {
     let (mut rows, mut cells) = (Vec::with_capacity(table.lines.len()), Vec::with_capacity(table.lines.len()));
@@ -119,7 +119,7 @@ fn parse(
             found.skipped += 1;
             continue;
         }
-        match row(&record, roles, file, sensors) {
+        match row(&record, roles, (file, sensors), no_echo) {
             Ok((row, ticks)) => {
                 cells.push(Cells { t_s: row.t_s, ticks });
                 rows.push(row);
@@ -141,7 +141,12 @@ fn parse(
 
 type Ticks = [Option<f64>; 2];
 
-fn row(record: &Record, roles: &[Role], file: &str, sensors: usize) -> Result<(Row, Ticks), ImportError> {
+fn row(
+    record: &Record,
+    roles: &[Role],
+    (file, sensors): (&str, usize),
+    no_echo: &[String],
+) -> Result<(Row, Ticks), ImportError> {
     let line = SourceLine { file, number: record.line };
     let fields = &record.fields;
     if fields.len() < roles.len() {
@@ -166,7 +171,12 @@ fn row(record: &Record, roles: &[Role], file: &str, sensors: usize) -> Result<(R
                 }
             }
             Role::Range(sensor) => {
-                let reading = line.value(fields, column, READING)?;
+                let is_none = |field: &String| no_echo.iter().any(|word| word.eq_ignore_ascii_case(field));
+                let reading = if fields.get(column).is_some_and(is_none) {
+                    f64::INFINITY
+                } else {
+                    line.value(fields, column, READING)?
+                };
                 if let Some(cell) = row.readings.get_mut(*sensor) {
                     *cell = reading;
                 }
@@ -195,4 +205,19 @@ fn check_negative(rows: &[Row], options: &Options, roles: &[Role], file: &str) -
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_text_may_mean_no_echo() {
+        let record = Record::new(3, ["0.1", "0", "0", "NULL"].map(str::to_owned).to_vec());
+        let roles = [Role::Time, Role::Ticks(0), Role::Ticks(1), Role::Range(0)];
+        let read = |word: &str| row(&record, &roles, ("a.csv", 1), &[word.to_owned()]);
+        assert_eq!(read("null").unwrap().0.readings, [f64::INFINITY]);
+        let error = read("none").unwrap_err().to_string();
+        assert!(error.contains("line 3, column 4: `NULL`: expected metres"), "{error}");
+    }
 }

@@ -48,9 +48,11 @@ pub(super) struct Wheel {
 pub(super) fn repair(rows: &mut Vec<Row>, wheel: Wheel, run: Option<usize>) -> Result<Stamps, String> {
     let stamps = Stamps::default();
     let typical_s = typical_step_s(rows);
-    let mut walk = Walk { rows, wheel, typical_s, offset_s: 0.0, stamps, wrong: Vec::new(), starts: vec![0] };
+    let mut walk =
+        Walk { rows, wheel, typical_s, offset_s: 0.0, stamps, wrong: Vec::new(), steps: Vec::new(), starts: vec![0] };
     walk.all();
-    let Walk { mut stamps, wrong, starts, .. } = walk;
+    let Walk { mut stamps, wrong, steps, starts, .. } = walk;
+    say_steps(&steps, rows.len(), &mut stamps);
     say_wrong(&wrong, &mut stamps);
     let (count, chosen) = (starts.len(), run.unwrap_or(1));
     let lines: Vec<String> =
@@ -85,6 +87,8 @@ struct Walk<'a> {
     stamps: Stamps,
     /// Lines whose stamps were interpolated, and what they said.
     wrong: Vec<(usize, f64)>,
+    /// Lines where the clock steps, and by how much, seconds.
+    steps: Vec<(usize, f64)>,
     /// The first row of each run.
     starts: Vec<usize>,
 }
@@ -173,11 +177,7 @@ impl Walk<'_> {
             if raw_s.is_nan() {
                 self.wrong.push((line, raw_s));
             } else {
-                let remark = format!(
-                    "line {line}: the clock steps by {:.2} s; the rows after it follow on",
-                    step_s - self.typical_s
-                );
-                self.stamps.remarks.push(remark);
+                self.steps.push((line, step_s - self.typical_s));
                 self.offset_s = at_s - raw_s;
                 self.epoch_after_step(raw_s, at_s);
             }
@@ -213,6 +213,25 @@ impl Walk<'_> {
         if self.stamps.unix_zero_us.is_none() && EPOCH_S.contains(&begin_s) {
             self.stamps.unix_zero_us = micros(begin_s);
         }
+    }
+}
+
+/// A clock that steps in so many of the rows runs backwards, or the rows do.
+const REVERSED: f64 = 0.5;
+
+fn say_steps(steps: &[(usize, f64)], rows: usize, stamps: &mut Stamps) {
+    if steps.len() <= MAX_REMARKS {
+        let one = |(line, step_s): &(usize, f64)| {
+            format!("line {line}: the clock steps by {step_s:.2} s; the rows after it follow on")
+        };
+        stamps.remarks.extend(steps.iter().map(one));
+    } else if let (Some((first, _)), Some((last, _))) = (steps.first(), steps.last()) {
+        let count = steps.len();
+        let is_reversed = steps.iter().filter(|(_, step_s)| *step_s < 0.0).count() as f64 >= REVERSED * rows as f64;
+        let question = if is_reversed { ": are the rows in reverse order? Sort them by their time" } else { "" };
+        stamps.remarks.push(format!(
+            "lines {first} to {last}: the clock steps {count} times; the rows after each step follow on{question}"
+        ));
     }
 }
 
@@ -310,6 +329,20 @@ mod tests {
             assert!(stamps.remarks[0].starts_with("line 52: the clock steps by "), "{:?}", stamps.remarks);
             assert_eq!(stamps.unix_zero_us.is_some(), step_s > 1e9);
         }
+    }
+
+    #[test]
+    fn many_steps_are_summed_up() {
+        let (times, stamps) = repaired(drive(|k| right(99 - k)));
+        assert!(times.windows(2).all(|pair| pair[0] <= pair[1]));
+        assert_eq!(
+            stamps.remarks,
+            [
+                "lines 3 to 101: the clock steps 99 times; the rows after each step follow on: are the rows in reverse order? Sort them by their time"
+            ]
+        );
+        let (_, stamps) = repaired(drive(|k| right(k) - 3.0 * f64::from(k / 10)));
+        assert_eq!(stamps.remarks, ["lines 12 to 92: the clock steps 9 times; the rows after each step follow on"]);
     }
 
     #[test]

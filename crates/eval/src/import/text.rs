@@ -90,8 +90,7 @@ fn decode(bytes: Vec<u8>, file: &str) -> Result<String, ImportError> {
         let text: String = char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER)).collect();
         return Ok(text.trim_start_matches(BYTE_ORDER_MARK).into());
     }
-    let text =
-        String::from_utf8(bytes).unwrap_or_else(|error| String::from_utf8_lossy(error.as_bytes()).into_owned());
+    let text = String::from_utf8(bytes).unwrap_or_else(|error| String::from_utf8_lossy(error.as_bytes()).into_owned());
     Ok(if text.starts_with(BYTE_ORDER_MARK) { text.trim_start_matches(BYTE_ORDER_MARK).into() } else { text })
 }
 

@@ -40,7 +40,8 @@ pub(super) fn check_separators(
             let groups = groups(digits);
             if groups > 1 {
                 let sign = sign_of(&record, column);
-                seen.grouped.get_or_insert_with(|| (record.line, if sign { cell.replace('.', ",") } else { cell.clone() }));
+                seen.grouped
+                    .get_or_insert_with(|| (record.line, if sign { cell.replace('.', ",") } else { cell.clone() }));
                 seen.is_sure |= groups > 2 || decimal_sign(&record, roles).is_some_and(|other| other != sign);
             } else if !digits.is_empty() {
                 let is_small = digits.len() <= 3 && digits.bytes().all(|byte| byte.is_ascii_digit());
@@ -94,7 +95,8 @@ mod tests {
     use super::*;
 
     fn error(rows: &[&[&str]]) -> Option<String> {
-        let record = |(line, cells): (usize, &&[&str])| Record::new(line, cells.iter().map(ToString::to_string).collect());
+        let record =
+            |(line, cells): (usize, &&[&str])| Record::new(line, cells.iter().map(ToString::to_string).collect());
         let records: Vec<Record> = (2..).zip(rows).map(record).collect();
         let roles = [Role::Time, Role::Ticks(0), Role::Ticks(1), Role::Range(0)];
         check_separators(records.into_iter(), &roles, "a.csv").err().map(|error| error.to_string())
@@ -103,7 +105,10 @@ mod tests {
     #[test]
     fn thousands_separators_are_named() {
         let text = error(&[&["0.1", "0", "0", "1.5"], &["0.2", "1,234", "5", "1.5"]]).unwrap();
-        assert!(text.starts_with("a.csv: line 3, column 2: `1,234`: expected a number of encoder ticks without thousands"), "{text}");
+        assert!(
+            text.starts_with("a.csv: line 3, column 2: `1,234`: expected a number of encoder ticks without thousands"),
+            "{text}"
+        );
         // The other way round, without a count below 1000, with whole times, and in millions.
         assert!(error(&[&["0,1", "0", "-1.234", "1,5"]]).unwrap().contains("column 3: `-1.234`"));
         assert!(error(&[&["1", "12,345", "5", "2"], &["2", "999", "5", "2"]]).unwrap().contains("line 2, column 2"));
@@ -112,7 +117,10 @@ mod tests {
 
     #[test]
     fn fractions_are_no_thousands() {
-        assert_eq!(error(&[&["0.1", "0", "0", "1.5"], &["0.2", "1.234", "5", "1.5"], &["0.3", "12.5", "5", "1.5"]]), None);
+        assert_eq!(
+            error(&[&["0.1", "0", "0", "1.5"], &["0.2", "1.234", "5", "1.5"], &["0.3", "12.5", "5", "1.5"]]),
+            None
+        );
         assert_eq!(error(&[&["0,1", "0,000", "7", "1,5"], &["0,2", "1,234", "7", "1,5"]]), None);
         assert_eq!(error(&[&["0.1", "1500", "0", "inf"], &["0.2", "1500.125", "", "inf"]]), None);
     }

@@ -111,10 +111,13 @@ fn is_too_short(rows: &[Row]) -> bool {
 /// Digits after the point that show one that is not 0.
 fn decimals(step_ms: f64) -> usize {
     let mut scaled = step_ms;
-    (0..9).take_while(|_| {
-        scaled *= 10.0;
-        scaled < 9.5
-    }).count().max(1)
+    (0..9)
+        .take_while(|_| {
+            scaled *= 10.0;
+            scaled < 9.5
+        })
+        .count()
+        .max(1)
 }
 
 #[cfg(test)]
@@ -158,7 +161,9 @@ mod tests {
             "a.csv: line 3: with --time-unit s rows are 100 s apart: are the stamps in milliseconds? --time-unit ms"
         );
         assert!(said(1e5, Some(Nanoseconds)).unwrap_err().ends_with("--time-unit us"));
-        for (step, unit) in [(0.1, Seconds), (6.0, Seconds), (100.0, Milliseconds), (5e3, Microseconds), (1e9, Nanoseconds)] {
+        for (step, unit) in
+            [(0.1, Seconds), (6.0, Seconds), (100.0, Milliseconds), (5e3, Microseconds), (1e9, Nanoseconds)]
+        {
             assert_eq!(said(step, Some(unit)), Ok(None));
         }
     }

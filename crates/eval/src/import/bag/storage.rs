@@ -5,8 +5,8 @@ use super::message::{Kind, Message};
 use super::sqlite::{Database, Value};
 use mcap::records::Record;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
-use std::collections::{BTreeMap, BTreeSet};
 use slamd_files::regular;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
@@ -80,7 +80,9 @@ impl Bag {
         if bytes.starts_with(ZSTD) {
             let damaged = |_| {
                 let limit = MAX_STREAM_BYTES >> 30;
-                let text = format!("compressed with zstd, but damaged, cut off, or more than {limit} GiB: unpack it with `unzstd`");
+                let text = format!(
+                    "compressed with zstd, but damaged, cut off, or more than {limit} GiB: unpack it with `unzstd`"
+                );
                 problem(path, &text)
             };
             let decoder = zstd::stream::read::Decoder::new(bytes.as_slice()).map_err(damaged)?;
