@@ -7,7 +7,7 @@ use slamd_capture::CaptureError;
 use slamd_eval::import::{
     Columns, Counting, Drive, ImportError, Options, RangeUnit, Scan, TimeUnit, bag, carmen, ring,
 };
-use std::fs::File;
+use slamd_files::regular;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
@@ -50,9 +50,9 @@ struct Recording {
     capture: PathBuf,
     #[command(flatten)]
     force: ForceArg,
-    /// A reading that means "no echo", as it stands in the recording; may be repeated
+    /// A reading that means "no echo", as it stands in the recording: a number, or a text in a ring CSV; may be repeated
     #[arg(long, value_name = "VALUE", allow_negative_numbers = true)]
-    no_echo: Vec<f64>,
+    no_echo: Vec<String>,
     /// The run to import where a file has several, from 1
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     run: Option<u16>,
@@ -113,7 +113,16 @@ impl ImportArgs {
             Format::Carmen(args) => (&args.recording, Options { scan: args.scan, ..Options::default() }),
             Format::Bag(recording) => (recording, Options::default()),
         };
-        options.no_echo.clone_from(&files.no_echo);
+        for value in &files.no_echo {
+            match value.parse() {
+                Ok(number) if f64::is_finite(number) => options.no_echo.push(number),
+                _ => options.no_echo_words.push(value.clone()),
+            }
+        }
+        if let (Some(word), false) = (options.no_echo_words.first(), matches!(self.format, Format::Ring(_))) {
+            let text = format!("--no-echo {word}: only the cells of a ring CSV may be texts; name a number");
+            return Err(Failure::new(Kind::Usage, text));
+        }
         options.run = files.run.map(usize::from);
         let is_standard_input = files.recording == Path::new("-");
         let input_path = if is_standard_input { Path::new("/dev/stdin") } else { &files.recording };
@@ -125,7 +134,7 @@ impl ImportArgs {
             if is_standard_input {
                 return Ok(Box::new(io::stdin().lock()));
             }
-            let file = File::open(input_path).map_err(|source| ImportError::Io { file: name.clone(), source })?;
+            let file = regular::open(input_path).map_err(|source| ImportError::Io { file: name.clone(), source })?;
             Ok(Box::new(file))
         };
         let drive = match &self.format {

@@ -4,6 +4,7 @@ mod cases;
 mod disk_errors;
 mod full_disk;
 mod import_bag;
+mod import_refusals;
 mod kill;
 mod links;
 mod outputs;

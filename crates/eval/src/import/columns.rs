@@ -2,6 +2,7 @@
 
 use super::table::Record;
 use super::{ImportError, SourceLine};
+use std::collections::BTreeSet;
 use std::str::FromStr;
 
 /// What a column holds.
@@ -44,6 +45,35 @@ impl FromStr for Columns {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
+        let columns = Self::parse(text)?;
+        match &columns {
+            Self::InOrder(names) => {
+                let used = names.iter().filter(|name| role(name) != Ok(Role::Ignored));
+                once(used.map(|name| name.to_ascii_lowercase()))?;
+            }
+            Self::Named(pairs) => {
+                once(pairs.iter().map(|(ours, _)| ours.to_ascii_lowercase()))?;
+                once(pairs.iter().map(|(_, theirs)| theirs.clone()))?;
+            }
+        }
+        Ok(columns)
+    }
+}
+
+/// Refuses a name that comes twice.
+fn once(names: impl Iterator<Item = String>) -> Result<(), String> {
+    let mut seen = BTreeSet::new();
+    for name in names {
+        if seen.contains(&name) {
+            return Err(format!("the column \"{name}\" is named twice"));
+        }
+        seen.insert(name);
+    }
+    Ok(())
+}
+
+impl Columns {
+    fn parse(text: &str) -> Result<Self, String> {
         let items = || text.split(',').map(str::trim);
         if items().any(|item| item.contains('=')) {
             let pairs = items().map(|item| {
@@ -164,7 +194,7 @@ mod tests {
 
     fn of(spec: Option<&str>, header: Option<&str>, sensors: usize) -> Result<Vec<Role>, String> {
         let columns = spec.map(|spec| spec.parse::<Columns>()).transpose()?;
-        let header = header.map(|header| Record { line: 1, fields: header.split(',').map(str::to_owned).collect() });
+        let header = header.map(|header| Record::new(1, header.split(',').map(str::to_owned).collect()));
         roles(columns.as_ref(), header.as_ref(), "a.csv", sensors).map_err(|error| error.to_string())
     }
 
@@ -188,6 +218,12 @@ mod tests {
         assert!(error(None, Some("time,left_ticks"), 2).contains("line 1, column 1: `time`: expected `t_s`"));
         assert!(error(None, Some("t_s,left_ticks,right_ticks,r0,r1"), 1).contains("column 5: `r1`: expected the end"));
         assert!(error(Some("t_s,r0,banana"), None, 1).contains("\"banana\" is no column"));
+        for (twice, name) in
+            [("t_s,r0,r1,r0", "r0"), ("t_s,r0-r2,r1", "r1"), ("t_s=a,T_S=b,r0=c", "t_s"), ("t_s=a,r0=a", "a")]
+        {
+            assert!(error(Some(twice), None, 2).contains(&format!("the column \"{name}\" is named twice")));
+        }
+        assert!(of(Some("-,t_s,-,r0"), None, 1).is_ok());
         assert!(error(Some("t_s=zeit"), Some("time,r0"), 1).contains("the header has no column `zeit`"));
         assert!(error(Some("t_s,r0"), None, 2).contains("no column is r1"));
         assert!(error(Some("t_s,r0-r3"), None, 2).contains("more than r1"));

@@ -26,6 +26,35 @@ const MIN_SLOW: f64 = 0.99;
 /// Neighbouring cells differ at least this often: a robot that stands has one count.
 const MIN_CHANGES: f64 = 0.3;
 
+/// A counter of 8 bits has this many values, and uses nearly all of them.
+const VALUES_OF_8_BITS: f64 = 256.0;
+const MIN_SPREAD: f64 = 240.0;
+/// Steps by more than half of the values are wraps, if they are at least this share of the steps: ticks since the row before change
+/// slowly.
+const MIN_WRAP_SHARE: f64 = 0.03;
+/// Steps by nearly all values are wraps, however rare.
+const FULL_WRAP: f64 = 200.0;
+const MIN_WRAPS: usize = 2;
+
+/// True if an encoder has the whole numbers of a counter of 8 bits, with or without a sign, which wraps.
+pub(super) fn wraps_at_8_bits(cells: &[Cells]) -> bool {
+    [0, 1].into_iter().any(|wheel| {
+        let known: Vec<f64> = cells.iter().filter_map(|cells| *cells.ticks.get(wheel)?).collect();
+        let least = known.iter().copied().fold(f64::INFINITY, f64::min);
+        let greatest = known.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let is_byte = (least >= 0.0 && greatest < VALUES_OF_8_BITS)
+            || (least >= -0.5 * VALUES_OF_8_BITS && greatest < 0.5 * VALUES_OF_8_BITS);
+        let steps = || known.windows(2).filter_map(|pair| Some((pair.last()? - pair.first()?).abs()));
+        let wraps = steps().filter(|step| *step > 0.5 * VALUES_OF_8_BITS).count();
+        let full = steps().filter(|step| *step >= FULL_WRAP).count();
+        is_byte
+            && greatest - least >= MIN_SPREAD
+            && known.iter().all(|count| count.fract() == 0.0)
+            && wraps >= MIN_WRAPS
+            && (wraps as f64 >= MIN_WRAP_SHARE * known.len() as f64 || full == wraps)
+    })
+}
+
 /// What the cells are: as told, or as found. `metres_per_tick` and the greatest speed, m/s, are those of the robot.
 pub(super) fn find(cells: &[Cells], metres_per_tick: f64, max_speed_m_s: f64) -> Counting {
     let is_deltas = [0, 1].into_iter().all(|wheel| {
@@ -104,6 +133,20 @@ mod tests {
         assert_eq!(found(|k| 500.0 + if k % 10.0 < 0.5 { 1.0 } else { 0.0 }), Counting::Counts);
         // Half a metre forth and back.
         assert_eq!(found(|k| (3_000.0 * libm::sin(0.05 * k)).round()), Counting::Counts);
+    }
+
+    #[test]
+    fn counters_of_8_bits_are_told_from_deltas_and_counts() {
+        for step in [2.0, 10.0, 60.0, 106.0, 150.0, -37.0] {
+            let byte = |k: f64| (step * k + 20.0 * libm::sin(0.1 * k)).round().rem_euclid(256.0);
+            assert!(wraps_at_8_bits(&cells(byte)), "{step}");
+            assert!(wraps_at_8_bits(&cells(|k| byte(k) - 128.0)), "{step}");
+            assert!(!wraps_at_8_bits(&cells(|k| (step * k).round())), "{step}");
+        }
+        // Ticks since the row before, up to those of a byte.
+        assert!(!wraps_at_8_bits(&cells(|k| (127.0 + 127.0 * libm::sin(0.1 * k)).round())));
+        assert!(!wraps_at_8_bits(&cells(|k| (127.0 * libm::sin(0.3 * k)).round())));
+        assert!(!wraps_at_8_bits(&cells(|k| if k % 40.0 < 25.0 { 160.0 } else { 60.0 })));
     }
 
     #[test]

@@ -71,7 +71,8 @@ impl Drive {
         }
         doubts.extend(readings.check(file)?);
         let clipped = readings.clipped(sensors);
-        let stamps = stamps::repair(&mut rows, wheel, options.run);
+        let stamps = stamps::repair(&mut rows, wheel, options.run)
+            .map_err(|problem| ImportError::Problem { file: file.into(), problem })?;
         remarks.extend(stamps.remarks);
         let filled = rows::fill_ticks(&mut rows, file)?;
         let ends = filler.map(|filler| rows::cycle_ends(&rows, filler));

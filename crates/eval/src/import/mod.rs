@@ -21,6 +21,7 @@ mod sequence;
 mod stamps;
 mod table;
 mod text;
+mod tick_cells;
 mod ticks;
 mod times;
 mod wheel_check;
@@ -106,6 +107,8 @@ pub struct Options {
     pub time_unit: Option<TimeUnit>,
     /// Readings that mean "no echo".
     pub no_echo: Vec<f64>,
+    /// The same as texts that are no numbers, such as `NULL`, of a CSV.
+    pub no_echo_words: Vec<String>,
     /// How the encoders count; found out if none is given.
     pub counting: Option<Counting>,
     /// The run to import, from 1, where the recording has several.

@@ -12,9 +12,9 @@ use super::columns::{Columns, Role, T_S, roles};
 use super::counts::{self, Cells, Counting};
 use super::drive::{Drive, Found};
 use super::rows::{Filler, Row};
-use super::sequence::{spread_equal, typical_step_s};
+use super::sequence::spread_equal;
 use super::table::{Record, Table, excerpt};
-use super::{ImportError, Options, SourceLine, text, times};
+use super::{ImportError, Options, SourceLine, text, tick_cells, times};
 use slamd_core::Config;
 use std::f64::consts::TAU;
 use std::io::Read;
@@ -31,7 +31,7 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
     let columns = options.columns.as_ref();
     let first = columns.map_or(T_S, Columns::first);
     let mut table = Table::read(&text.text, first, columns.is_some_and(Columns::is_in_order));
-    if table.header.is_none() && table.records.is_empty() {
+    if table.header.is_none() && table.lines.is_empty() {
         return Err(ImportError::Empty { file: file.into(), expected: "a header line and rows" });
     }
     let roles = roles(columns, table.header.as_ref(), file, sensors)?;
@@ -51,7 +51,8 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
             .remarks
             .push(format!("line 1: `{garbage}` is no row; what stands before the header in line {header} is left out"));
     }
-    let (mut rows, mut cells) = parse(&table, &roles, file, sensors, &mut found)?;
+    tick_cells::check_separators(table.records(), &roles, file)?;
+    let (mut rows, mut cells) = parse(&table, &roles, (file, sensors), &options.no_echo_words, &mut found)?;
     if rows.is_empty() {
         return Err(ImportError::Empty { file: file.into(), expected: "a header line and rows" });
     }
@@ -60,12 +61,15 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
         row.t_s *= unit_s;
         cells.t_s = row.t_s;
     }
-    if options.time_unit.is_none() {
-        found.doubts.extend(times::check(typical_step_s(&rows), file)?);
-    }
+    found.doubts.extend(times::check(&rows, options.time_unit, file)?);
     found.remarks.extend(spread_equal(&mut rows));
     check_negative(&rows, options, &roles, file)?;
     let metres_per_tick = TAU * config.robot.wheel_radius_m / f64::from(ticks_per_turn);
+    if options.counting.is_none() && counts::wraps_at_8_bits(&cells) {
+        let problem = "the ticks are those of counters of 8 bits: they wrap so often that nothing says how far a wheel turned; \
+                       send counters of 16 or 32 bits, or, where they are ticks since the row before: --ticks deltas";
+        return Err(ImportError::Problem { file: file.into(), problem: problem.into() });
+    }
     let counting = counts::find(&cells, metres_per_tick, config.robot.max_speed_m_s);
     if options.counting.unwrap_or(counting) == Counting::Deltas {
         counts::sum(&mut cells);
@@ -81,11 +85,13 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
 }
 
 /// Leaves out what stands before the first row, where the columns are named in order: another header, boot messages.
-fn skip_head(table: &mut Table, roles: &[Role], found: &mut Found) {
+fn skip_head(table: &mut Table<'_>, roles: &[Role], found: &mut Found) {
     let time = roles.iter().position(|role| *role == Role::Time).unwrap_or_default();
     let is_row = |record: &Record| record.fields.get(time).is_some_and(|field| field.parse::<f64>().is_ok());
-    let count = table.records.iter().take(MAX_HEAD).position(is_row).unwrap_or_default();
-    if let Some(head) = table.records.drain(..count).next() {
+    let count = table.records().take(MAX_HEAD).position(|record| is_row(&record)).unwrap_or_default();
+    let head = table.records().take(count).next();
+    table.lines.drain(..count);
+    if let Some(head) = head {
         let line = head.line;
         found.remarks.push(format!("line {line}: `{}` is no row and left out", excerpt(&head.fields.join(","))));
     }
@@ -96,15 +102,15 @@ const MAX_HEAD: usize = 200;
 
 /// The rows without counts, and their encoder cells.
 fn parse(
-    table: &Table,
+    table: &Table<'_>,
     roles: &[Role],
-    file: &str,
-    sensors: usize,
+    (file, sensors): (&str, usize),
+    no_echo: &[String],
     found: &mut Found,
 ) -> Result<(Vec<Row>, Vec<Cells>), ImportError> {
-    let (mut rows, mut cells) = (Vec::with_capacity(table.records.len()), Vec::with_capacity(table.records.len()));
-    let last = table.records.len().saturating_sub(1);
-    for (index, record) in table.records.iter().enumerate() {
+    let (mut rows, mut cells) = (Vec::with_capacity(table.lines.len()), Vec::with_capacity(table.lines.len()));
+    let last = table.lines.len().saturating_sub(1);
+    for (index, record) in table.records().enumerate() {
         if record.fields.iter().all(String::is_empty) {
             found.left_out += u64::from(record.fields.len() > 1);
             continue;
@@ -113,7 +119,7 @@ fn parse(
             found.skipped += 1;
             continue;
         }
-        match row(record, roles, file, sensors) {
+        match row(&record, roles, (file, sensors), no_echo) {
             Ok((row, ticks)) => {
                 cells.push(Cells { t_s: row.t_s, ticks });
                 rows.push(row);
@@ -135,7 +141,12 @@ fn parse(
 
 type Ticks = [Option<f64>; 2];
 
-fn row(record: &Record, roles: &[Role], file: &str, sensors: usize) -> Result<(Row, Ticks), ImportError> {
+fn row(
+    record: &Record,
+    roles: &[Role],
+    (file, sensors): (&str, usize),
+    no_echo: &[String],
+) -> Result<(Row, Ticks), ImportError> {
     let line = SourceLine { file, number: record.line };
     let fields = &record.fields;
     if fields.len() < roles.len() {
@@ -153,13 +164,19 @@ fn row(record: &Record, roles: &[Role], file: &str, sensors: usize) -> Result<(R
             _ if is_empty => {}
             Role::Time => row.t_s = line.number(fields, column, "seconds")?,
             Role::Ticks(wheel) => {
-                let count = line.number(fields, column, TICKS)?;
+                let cell = fields.get(column).map(String::as_str).unwrap_or_default();
+                let count = tick_cells::count(cell).ok_or_else(|| line.error(cell, column, TICKS))?;
                 if let Some(cell) = ticks.get_mut(*wheel) {
                     *cell = Some(count);
                 }
             }
             Role::Range(sensor) => {
-                let reading = line.value(fields, column, READING)?;
+                let is_none = |field: &String| no_echo.iter().any(|word| word.eq_ignore_ascii_case(field));
+                let reading = if fields.get(column).is_some_and(is_none) {
+                    f64::INFINITY
+                } else {
+                    line.value(fields, column, READING)?
+                };
                 if let Some(cell) = row.readings.get_mut(*sensor) {
                     *cell = reading;
                 }
@@ -175,11 +192,11 @@ const READING: &str = "metres, at least 0, `inf` for no echo, or nothing or `nan
 
 /// Negative readings mean something only where they fill the place of sensors that have not answered, or the user says what.
 fn check_negative(rows: &[Row], options: &Options, roles: &[Role], file: &str) -> Result<(), ImportError> {
-    let mut cleared = rows.to_vec();
-    Filler::find(rows).unwrap_or_default().clear(&mut cleared);
+    let filler = Filler::find(rows).unwrap_or_default();
     let is_named = |reading: f64| options.no_echo.iter().any(|value| (value - reading).abs() < 1e-9);
-    for row in &cleared {
-        let negative = row.readings.iter().position(|reading| *reading < 0.0 && !is_named(*reading));
+    let is_wrong = |reading: f64| reading < 0.0 && !filler.fills(reading) && !is_named(reading);
+    for row in rows {
+        let negative = row.readings.iter().position(|reading| is_wrong(*reading));
         if let Some(sensor) = negative {
             let found = row.readings.get(sensor).map(ToString::to_string).unwrap_or_default();
             let column = roles.iter().position(|role| *role == Role::Range(sensor)).unwrap_or_default();
@@ -188,4 +205,19 @@ fn check_negative(rows: &[Row], options: &Options, roles: &[Role], file: &str) -
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_text_may_mean_no_echo() {
+        let record = Record::new(3, ["0.1", "0", "0", "NULL"].map(str::to_owned).to_vec());
+        let roles = [Role::Time, Role::Ticks(0), Role::Ticks(1), Role::Range(0)];
+        let read = |word: &str| row(&record, &roles, ("a.csv", 1), &[word.to_owned()]);
+        assert_eq!(read("null").unwrap().0.readings, [f64::INFINITY]);
+        let error = read("none").unwrap_err().to_string();
+        assert!(error.contains("line 3, column 4: `NULL`: expected metres"), "{error}");
+    }
 }

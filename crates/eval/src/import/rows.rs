@@ -130,7 +130,7 @@ impl Filler {
         bits.fold(0, |set, (sensor, _)| set | 1u128.checked_shl(sensor).unwrap_or_default())
     }
 
-    fn fills(self, reading: f64) -> bool {
+    pub(super) fn fills(self, reading: f64) -> bool {
         reading.is_nan() || (self.is_zero && reading == 0.0) || (self.is_negative && reading < 0.0)
     }
 

@@ -42,18 +42,30 @@ pub(super) struct Wheel {
 }
 
 /// Puts the rows' times in order. `run` is the run to keep where there are several, from 1.
-pub(super) fn repair(rows: &mut Vec<Row>, wheel: Wheel, run: Option<usize>) -> Stamps {
+///
+/// # Errors
+/// Where there is no such run. The text says how many there are.
+pub(super) fn repair(rows: &mut Vec<Row>, wheel: Wheel, run: Option<usize>) -> Result<Stamps, String> {
     let stamps = Stamps::default();
     let typical_s = typical_step_s(rows);
-    let mut walk = Walk { rows, wheel, typical_s, offset_s: 0.0, stamps, wrong: Vec::new(), starts: vec![0] };
+    let mut walk =
+        Walk { rows, wheel, typical_s, offset_s: 0.0, stamps, wrong: Vec::new(), steps: Vec::new(), starts: vec![0] };
     walk.all();
-    let Walk { mut stamps, wrong, starts, .. } = walk;
+    let Walk { mut stamps, wrong, steps, starts, .. } = walk;
+    say_steps(&steps, rows.len(), &mut stamps);
     say_wrong(&wrong, &mut stamps);
-    let count = starts.len();
+    let (count, chosen) = (starts.len(), run.unwrap_or(1));
+    let lines: Vec<String> =
+        starts.iter().skip(1).filter_map(|start| Some(format!("line {}", rows.get(*start)?.line))).collect();
+    if !(1..=count).contains(&chosen) {
+        let runs = if lines.is_empty() {
+            "1 run".into()
+        } else {
+            format!("{count} runs; after the first they begin in {}", lines.join(", "))
+        };
+        return Err(format!("--run {chosen}: the recording has {runs}"));
+    }
     if count > 1 {
-        let chosen = run.unwrap_or(1).clamp(1, count);
-        let lines: Vec<String> =
-            starts.iter().skip(1).filter_map(|start| Some(format!("line {}", rows.get(*start)?.line))).collect();
         stamps.remarks.push(format!(
             "{}: another run begins here: the time starts anew, and the robot stands elsewhere; run {chosen} of {count} is imported, --run takes another",
             lines.join(", ")
@@ -63,7 +75,7 @@ pub(super) fn repair(rows: &mut Vec<Row>, wheel: Wheel, run: Option<usize>) -> S
         rows.truncate(end);
         rows.drain(..start.min(rows.len()));
     }
-    stamps
+    Ok(stamps)
 }
 
 struct Walk<'a> {
@@ -75,6 +87,8 @@ struct Walk<'a> {
     stamps: Stamps,
     /// Lines whose stamps were interpolated, and what they said.
     wrong: Vec<(usize, f64)>,
+    /// Lines where the clock steps, and by how much, seconds.
+    steps: Vec<(usize, f64)>,
     /// The first row of each run.
     starts: Vec<usize>,
 }
@@ -163,11 +177,7 @@ impl Walk<'_> {
             if raw_s.is_nan() {
                 self.wrong.push((line, raw_s));
             } else {
-                let remark = format!(
-                    "line {line}: the clock steps by {:.2} s; the rows after it follow on",
-                    step_s - self.typical_s
-                );
-                self.stamps.remarks.push(remark);
+                self.steps.push((line, step_s - self.typical_s));
                 self.offset_s = at_s - raw_s;
                 self.epoch_after_step(raw_s, at_s);
             }
@@ -203,6 +213,25 @@ impl Walk<'_> {
         if self.stamps.unix_zero_us.is_none() && EPOCH_S.contains(&begin_s) {
             self.stamps.unix_zero_us = micros(begin_s);
         }
+    }
+}
+
+/// A clock that steps in so many of the rows runs backwards, or the rows do.
+const REVERSED: f64 = 0.5;
+
+fn say_steps(steps: &[(usize, f64)], rows: usize, stamps: &mut Stamps) {
+    if steps.len() <= MAX_REMARKS {
+        let one = |(line, step_s): &(usize, f64)| {
+            format!("line {line}: the clock steps by {step_s:.2} s; the rows after it follow on")
+        };
+        stamps.remarks.extend(steps.iter().map(one));
+    } else if let (Some((first, _)), Some((last, _))) = (steps.first(), steps.last()) {
+        let count = steps.len();
+        let is_reversed = steps.iter().filter(|(_, step_s)| *step_s < 0.0).count() as f64 >= REVERSED * rows as f64;
+        let question = if is_reversed { ": are the rows in reverse order? Sort them by their time" } else { "" };
+        stamps.remarks.push(format!(
+            "lines {first} to {last}: the clock steps {count} times; the rows after each step follow on{question}"
+        ));
     }
 }
 
@@ -257,7 +286,7 @@ mod tests {
     }
 
     fn repaired(mut rows: Vec<Row>) -> (Vec<f64>, Stamps) {
-        let stamps = repair(&mut rows, WHEEL, None);
+        let stamps = repair(&mut rows, WHEEL, None).unwrap();
         (rows.iter().map(|row| row.t_s).collect(), stamps)
     }
 
@@ -303,6 +332,20 @@ mod tests {
     }
 
     #[test]
+    fn many_steps_are_summed_up() {
+        let (times, stamps) = repaired(drive(|k| right(99 - k)));
+        assert!(times.windows(2).all(|pair| pair[0] <= pair[1]));
+        assert_eq!(
+            stamps.remarks,
+            [
+                "lines 3 to 101: the clock steps 99 times; the rows after each step follow on: are the rows in reverse order? Sort them by their time"
+            ]
+        );
+        let (_, stamps) = repaired(drive(|k| right(k) - 3.0 * f64::from(k / 10)));
+        assert_eq!(stamps.remarks, ["lines 12 to 92: the clock steps 9 times; the rows after each step follow on"]);
+    }
+
+    #[test]
     fn a_pause_stays() {
         let (times, stamps) = repaired(drive(|k| right(k) + if k >= 50 { 3600.0 } else { 0.0 }));
         assert!((times[50] - 3605.0).abs() < 1e-9 && (times[99] - 3609.9).abs() < 1e-9);
@@ -331,11 +374,24 @@ mod tests {
         let (times, stamps) = repaired(anew(false));
         assert_right(&times, 0.11);
         assert!(stamps.remarks[0].contains("line 62: the clock steps by"), "{:?}", stamps.remarks);
-        for (run, count) in [(None, 60), (Some(1), 60), (Some(2), 40), (Some(9), 40)] {
+        for (run, count) in [(None, 60), (Some(1), 60), (Some(2), 40)] {
             let mut rows = anew(true);
-            let stamps = repair(&mut rows, WHEEL, run);
+            let stamps = repair(&mut rows, WHEEL, run).unwrap();
             assert_eq!(rows.len(), count);
             assert!(stamps.remarks[0].starts_with("line 62: another run begins here"), "{:?}", stamps.remarks);
         }
+    }
+
+    #[test]
+    fn a_run_that_is_not_there_is_an_error_that_says_how_many_there_are() {
+        let two = drive(|k| right(k % 60)).into_iter().enumerate().map(|(k, row)| Row {
+            ticks: [Some(i32::try_from(k % 60).unwrap() * 100); 2],
+            readings: vec![if k < 60 { 2.0 } else { 0.4 }; 4],
+            ..row
+        });
+        let error = repair(&mut two.collect(), WHEEL, Some(3)).unwrap_err();
+        assert_eq!(error, "--run 3: the recording has 2 runs; after the first they begin in line 62");
+        let error = repair(&mut drive(right), WHEEL, Some(2)).unwrap_err();
+        assert_eq!(error, "--run 2: the recording has 1 run");
     }
 }

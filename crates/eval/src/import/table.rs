@@ -7,13 +7,25 @@ pub(super) struct Record {
     pub(super) line: usize,
     /// With points for decimal commas.
     pub(super) fields: Vec<String>,
+    /// By field, whether it has commas, which became points.
+    pub(super) has_comma: Vec<bool>,
 }
 
-/// A table with its header.
+impl Record {
+    /// Makes points of decimal commas.
+    pub(super) fn new(line: usize, fields: Vec<String>) -> Self {
+        let has_comma = fields.iter().map(|field| field.contains(',')).collect();
+        Self { line, fields: fields.into_iter().map(|field| field.replace(',', ".")).collect(), has_comma }
+    }
+}
+
+/// A table with its header. Its rows are split when they are asked for: their fields would take much more memory than the text.
 #[derive(Debug)]
-pub(super) struct Table {
+pub(super) struct Table<'a> {
     pub(super) header: Option<Record>,
-    pub(super) records: Vec<Record>,
+    /// The number and the text of each row's line.
+    pub(super) lines: Vec<(usize, &'a str)>,
+    delimiter: char,
     /// Lines before the header, which are left out: the first.
     pub(super) garbage: Option<String>,
     /// False if the last line has no line feed.
@@ -25,9 +37,14 @@ const MAX_GARBAGE_LINES: usize = 200;
 /// Characters around a field that are not part of it.
 const PADDING: [char; 3] = [' ', '\t', '\r'];
 
-impl Table {
+impl<'a> Table<'a> {
+    /// The rows.
+    pub(super) fn records(&self) -> impl Iterator<Item = Record> + Clone {
+        self.lines.iter().map(|(line, text)| Record::new(*line, split(text, self.delimiter)))
+    }
+
     /// Splits a text. The header is the line with a column `first_column`; without one, `is_headless` says whether the header may be missing.
-    pub(super) fn read(text: &str, first_column: &str, is_headless: bool) -> Self {
+    pub(super) fn read(text: &'a str, first_column: &str, is_headless: bool) -> Self {
         let end = if text.contains('\n') { '\n' } else { '\r' };
         let is_row = |line: &str| !line.trim().is_empty() && !line.starts_with('#');
         let lines = || (1..).zip(text.split(end)).filter(|(_, line): &(usize, &str)| is_row(line));
@@ -38,14 +55,11 @@ impl Table {
         let garbage = lines().next().filter(|(number, _)| *number < first).map(|(_, line)| excerpt(line.trim()));
         let body = || lines().skip_while(|(number, _)| *number < first);
         let delimiter = body().next().map_or(',', |(_, line)| delimiter(line));
-        let record = |(line, text)| Record {
-            line,
-            fields: split(text, delimiter).into_iter().map(|field| field.replace(',', ".")).collect(),
-        };
-        let mut records: Vec<Record> = body().map(record).collect();
         let has_header = header.is_some() || !is_headless;
-        let header = (has_header && !records.is_empty()).then(|| records.remove(0));
-        Self { header, records, garbage, ends_with_line_feed: text.ends_with(end) }
+        let head = body().next().filter(|_| has_header);
+        let header = head.map(|(line, text)| Record::new(line, split(text, delimiter)));
+        let lines = body().skip(usize::from(header.is_some())).collect();
+        Self { header, lines, delimiter, garbage, ends_with_line_feed: text.ends_with(end) }
     }
 }
 
@@ -82,7 +96,7 @@ mod tests {
 
     fn fields(text: &str) -> Vec<Vec<String>> {
         let table = Table::read(text, "t_s", false);
-        table.header.into_iter().chain(table.records).map(|record| record.fields).collect()
+        table.header.clone().into_iter().chain(table.records()).map(|record| record.fields).collect()
     }
 
     #[test]
@@ -103,9 +117,9 @@ mod tests {
     fn lines_before_the_header_are_left_out_and_named() {
         let table = Table::read("\u{fffd}@ets Jun  8\r\nboot\r\nt_s,r0\r\n0,1\r\n", "t_s", false);
         assert_eq!(table.garbage.as_deref(), Some("\u{fffd}@ets Jun  8"));
-        assert_eq!((table.header.unwrap().line, table.records[0].line), (3, 4));
+        assert_eq!((table.header.unwrap().line, table.lines[0].0), (3, 4));
         let table = Table::read("0,1\n1,2\n", "t_s", true);
         assert!(table.header.is_none() && table.garbage.is_none());
-        assert_eq!(table.records.iter().map(|record| record.line).collect::<Vec<_>>(), [1, 2]);
+        assert_eq!(table.lines.iter().map(|(line, _)| *line).collect::<Vec<_>>(), [1, 2]);
     }
 }

@@ -14,8 +14,10 @@ pub(super) struct Text {
     pub(super) is_whole: bool,
 }
 
-/// Most bytes of a recording, unpacked.
-const MAX_BYTES: u64 = 1 << 30;
+/// Most bytes of a recording, as it arrives and unpacked: 100 days of a ring of 16 sensors at 1 Hz, 10 days at 10 Hz.
+const MAX_BYTES: u64 = 256 << 20;
+/// Most lines: a row takes much more memory than a short line.
+const MAX_LINES: usize = 4_000_000;
 /// First bytes of files that are no text, and what they are.
 const MAGIC: [(&[u8], &str); 8] = [
     (b"PK\x03\x04", "a ZIP archive or an Excel workbook; unpack it, or save it as CSV"),
@@ -35,28 +37,47 @@ const PROBE: usize = 4096;
 /// Reads a recording, called `file` in errors.
 ///
 /// # Errors
-/// When it cannot be read or is no text.
+/// When it cannot be read, is no text or is too long.
 pub(super) fn read(input: impl Read, file: &str) -> Result<Text, ImportError> {
+    read_within(input, file, MAX_BYTES, MAX_LINES)
+}
+
+/// The same within other bounds.
+fn read_within(input: impl Read, file: &str, max_bytes: u64, max_lines: usize) -> Result<Text, ImportError> {
     let mut bytes = Vec::new();
     let io = |source| ImportError::Io { file: file.into(), source };
-    input.take(MAX_BYTES).read_to_end(&mut bytes).map_err(io)?;
+    let too_long = |words: String| ImportError::Problem {
+        file: file.into(),
+        problem: format!("more than {words}: split the recording"),
+    };
+    let check = |bytes: &[u8], whence: &str| {
+        let is_more = bytes.len() as u64 > max_bytes;
+        if is_more { Err(too_long(format!("{} MiB of text{whence}", max_bytes >> 20))) } else { Ok(()) }
+    };
+    input.take(max_bytes + 1).read_to_end(&mut bytes).map_err(io)?;
+    check(&bytes, "")?;
     let mut read = Text { text: String::new(), remarks: Vec::new(), is_whole: true };
     if bytes.starts_with(&[0x1f, 0x8b]) {
         let mut unpacked = Vec::new();
-        if let Err(error) = MultiGzDecoder::new(bytes.as_slice()).take(MAX_BYTES).read_to_end(&mut unpacked) {
+        if let Err(error) = MultiGzDecoder::new(bytes.as_slice()).take(max_bytes + 1).read_to_end(&mut unpacked) {
             read.is_whole = false;
             read.remarks.push(format!("the gzip file is damaged or cut off ({error}); what could be unpacked is used"));
         }
+        check(&unpacked, ", unpacked")?;
         bytes = unpacked;
     }
     if let Some((_, what)) = MAGIC.iter().find(|(magic, _)| bytes.starts_with(magic)) {
         return Err(ImportError::Foreign { file: file.into(), what });
     }
-    read.text = decode(&bytes, file)?;
+    read.text = decode(bytes, file)?;
+    let lines = |end: u8| read.text.bytes().filter(|byte| *byte == end).count();
+    if lines(b'\n').max(lines(b'\r')) > max_lines {
+        return Err(too_long(format!("{max_lines} lines")));
+    }
     Ok(read)
 }
 
-fn decode(bytes: &[u8], file: &str) -> Result<String, ImportError> {
+fn decode(bytes: Vec<u8>, file: &str) -> Result<String, ImportError> {
     let probe = bytes.get(..PROBE.min(bytes.len())).unwrap_or_default();
     let zeros = |odd: usize| probe.iter().skip(odd).step_by(2).filter(|byte| **byte == 0).count();
     let (even, odd) = (zeros(0), zeros(1));
@@ -69,8 +90,8 @@ fn decode(bytes: &[u8], file: &str) -> Result<String, ImportError> {
         let text: String = char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER)).collect();
         return Ok(text.trim_start_matches(BYTE_ORDER_MARK).into());
     }
-    let text = String::from_utf8_lossy(bytes);
-    Ok(text.trim_start_matches(BYTE_ORDER_MARK).into())
+    let text = String::from_utf8(bytes).unwrap_or_else(|error| String::from_utf8_lossy(error.as_bytes()).into_owned());
+    Ok(if text.starts_with(BYTE_ORDER_MARK) { text.trim_start_matches(BYTE_ORDER_MARK).into() } else { text })
 }
 
 const BYTE_ORDER_MARK: char = '\u{feff}';
@@ -131,6 +152,25 @@ mod tests {
         let cut = read(&bytes[..bytes.len() / 2], "a.csv.gz").unwrap();
         assert!(!cut.is_whole && cut.text.starts_with("0,0,77\n1,") && cut.text.len() > 1_000);
         assert!(cut.remarks[0].contains("cut off"), "{:?}", cut.remarks);
+    }
+
+    #[test]
+    fn streams_and_bombs_stop_at_the_bound() {
+        // The same byte for ever, and as many zipped.
+        let error = read(std::io::repeat(b'1'), "-").unwrap_err();
+        assert!(matches!(error, ImportError::Problem { .. }), "{error:?}");
+        assert_eq!(error.to_string(), "-: more than 256 MiB of text: split the recording");
+        let mut bomb = GzEncoder::new(Vec::new(), Compression::best());
+        (0..8 << 10).for_each(|_| bomb.write_all(&[b'1'; 1 << 10]).unwrap());
+        let bomb = bomb.finish().unwrap();
+        assert!(bomb.len() < 10 << 10);
+        let error = read_within(bomb.as_slice(), "a.gz", 2 << 20, 10).unwrap_err().to_string();
+        assert_eq!(error, "a.gz: more than 2 MiB of text, unpacked: split the recording");
+        assert_eq!(read_within(bomb.as_slice(), "a.gz", 8 << 20, 10).unwrap().text.len(), 8 << 20);
+        // Rows of one character.
+        let error = read_within("1\n".repeat(11).as_bytes(), "a.csv", 1 << 20, 10).unwrap_err().to_string();
+        assert_eq!(error, "a.csv: more than 10 lines: split the recording");
+        assert!(read_within("1\r".repeat(10).as_bytes(), "a.csv", 1 << 20, 10).is_ok());
     }
 
     #[test]

@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    #[expect(clippy::float_cmp, reason = "halves are exact")]
+    #[expect(clippy::float_cmp, reason = "these sums are exact")]
     fn speeds_are_summed_up_but_not_over_pauses() {
         let mut turned = Turned::default();
         let both = |turned: &mut Turned, at_s, spin| turned.at(at_s, [spin, -spin]);

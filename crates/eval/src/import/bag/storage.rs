@@ -5,8 +5,9 @@ use super::message::{Kind, Message};
 use super::sqlite::{Database, Value};
 use mcap::records::Record;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use slamd_files::regular;
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::Read as _;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 /// A message of a bag.
@@ -30,10 +31,18 @@ pub(super) struct Bag {
     /// False if the end of a file is missing.
     pub(super) is_whole: bool,
     pub(super) remarks: Vec<String>,
+    /// The name of the file in a folder, for remarks; empty where the bag is a file.
+    part: String,
 }
 
 /// Larger files are refused, bytes.
 const MAX_BYTES: u64 = 4 << 30;
+/// The same of what zstd has compressed, and of standard input: nobody sees how large they are.
+const MAX_STREAM_BYTES: u64 = 1 << 30;
+/// So many bytes tell a bag from other files.
+const PROBE: u64 = 16;
+/// The name of standard input.
+const STANDARD_INPUT: &str = "/dev/stdin";
 /// A larger message is not unpacked, bytes.
 const MAX_MESSAGE_BYTES: u64 = 64 << 20;
 /// How zstd's files and messages begin.
@@ -46,7 +55,13 @@ impl Bag {
     /// When it cannot be read, or is no bag.
     pub(super) fn read(path: &Path) -> Result<Self, ImportError> {
         let mut bag = Self { is_whole: true, ..Self::default() };
+        if path == Path::new(STANDARD_INPUT) {
+            bag.all(io::stdin().lock(), path, MAX_STREAM_BYTES)?;
+            return Ok(bag);
+        }
         for file in files(path)? {
+            let name = file.file_name().filter(|_| file != path).unwrap_or_default().display().to_string();
+            bag.part = if name.is_empty() { name } else { format!("{name}: ") };
             bag.file(&file)?;
         }
         Ok(bag)
@@ -55,24 +70,25 @@ impl Bag {
     fn file(&mut self, path: &Path) -> Result<(), ImportError> {
         let name = path.display().to_string();
         let io = |source| ImportError::Io { file: name.clone(), source };
-        if std::fs::metadata(path).map_err(io)?.len() > MAX_BYTES {
-            return Err(problem(path, "more than 4 GiB: split the bag, or keep the topics that are needed"));
-        }
-        let mut bytes = std::fs::read(path).map_err(io)?;
+        self.all(regular::open(path).map_err(io)?, path, MAX_BYTES)
+    }
+
+    /// Takes a bag of at most so many bytes. What is none is not read to its end.
+    fn all(&mut self, input: impl Read, path: &Path, most: u64) -> Result<(), ImportError> {
+        let io = |source| ImportError::Io { file: path.display().to_string(), source };
+        let mut bytes = begin_and_rest(input, path, most).map_err(|error| error.unwrap_or_else(io))?;
         if bytes.starts_with(ZSTD) {
-            bytes = unpacked(&bytes, MAX_BYTES).ok_or_else(|| {
-                problem(path, "compressed with zstd, but damaged, cut off, or more than 4 GiB: unpack it with `unzstd`")
-            })?;
+            let damaged = |_| {
+                let limit = MAX_STREAM_BYTES >> 30;
+                let text = format!(
+                    "compressed with zstd, but damaged, cut off, or more than {limit} GiB: unpack it with `unzstd`"
+                );
+                problem(path, &text)
+            };
+            let decoder = zstd::stream::read::Decoder::new(bytes.as_slice()).map_err(damaged)?;
+            bytes = begin_and_rest(decoder, path, MAX_STREAM_BYTES).map_err(|error| error.unwrap_or_else(damaged))?;
         }
-        if bytes.starts_with(mcap::MAGIC) {
-            self.mcap(&bytes, path)
-        } else if bytes.starts_with(b"SQLite format 3\0") {
-            self.sqlite(&bytes, path)
-        } else if bytes.starts_with(b"#ROSBAG V") {
-            Err(problem(path, "a ROS 1 bag: convert it with `rosbags-convert --src FILE --dst FOLDER`"))
-        } else {
-            Err(problem(path, "no ROS 2 bag: it is neither MCAP nor SQLite"))
-        }
+        if bytes.starts_with(mcap::MAGIC) { self.mcap(&bytes, path) } else { self.sqlite(&bytes, path) }
     }
 
     fn take(&mut self, topic: &str, kind: Kind, logged_s: f64, data: &[u8], path: &Path) -> Result<(), ImportError> {
@@ -135,8 +151,8 @@ impl Bag {
                 }
                 Err(error) => {
                     self.is_whole = false;
-                    self.remarks
-                        .push(format!("{}: damaged or cut off ({error}); what was readable is used", path.display()));
+                    let part = &self.part;
+                    self.remarks.push(format!("{part}damaged or cut off ({error}); what was readable is used"));
                     return Ok(());
                 }
             }
@@ -202,6 +218,47 @@ fn files(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
     Ok(files)
 }
 
+/// Why a bag's bytes cannot be had.
+enum Unread {
+    Read(io::Error),
+    Unfit(ImportError),
+}
+
+impl Unread {
+    fn unwrap_or_else(self, read: impl FnOnce(io::Error) -> ImportError) -> ImportError {
+        match self {
+            Self::Read(error) => read(error),
+            Self::Unfit(error) => error,
+        }
+    }
+}
+
+/// The bytes of a bag or a file of zstd, at most so many. Others are named by their begin.
+fn begin_and_rest(mut input: impl Read, path: &Path, most: u64) -> Result<Vec<u8>, Unread> {
+    let mut bytes = Vec::new();
+    input.by_ref().take(PROBE).read_to_end(&mut bytes).map_err(Unread::Read)?;
+    check_begin(&bytes, path).map_err(Unread::Unfit)?;
+    input.take((most + 1).saturating_sub(PROBE)).read_to_end(&mut bytes).map_err(Unread::Read)?;
+    if bytes.len() as u64 > most {
+        let text = format!("more than {} GiB: split the bag, or keep the topics that are needed", most >> 30);
+        return Err(Unread::Unfit(problem(path, &text)));
+    }
+    Ok(bytes)
+}
+
+/// Names what begins as no bag does.
+fn check_begin(begin: &[u8], path: &Path) -> Result<(), ImportError> {
+    let is_bag = begin.starts_with(mcap::MAGIC) || begin.starts_with(b"SQLite format 3\0");
+    match () {
+        () if is_bag || begin.starts_with(ZSTD) => Ok(()),
+        () if begin.is_empty() => Err(ImportError::Foreign { file: path.display().to_string(), what: "empty" }),
+        () if begin.starts_with(b"#ROSBAG V") => {
+            Err(problem(path, "a ROS 1 bag: convert it with `rosbags-convert --src FILE --dst FOLDER`"))
+        }
+        () => Err(problem(path, "no ROS 2 bag: it is neither MCAP nor SQLite")),
+    }
+}
+
 /// The content of what zstd has compressed; none if it is damaged or larger than `most` bytes.
 fn unpacked(bytes: &[u8], most: u64) -> Option<Vec<u8>> {
     let mut unpacked = Vec::new();
@@ -212,4 +269,51 @@ fn unpacked(bytes: &[u8], most: u64) -> Option<Vec<u8>> {
 
 fn problem(path: &Path, problem: &str) -> ImportError {
     ImportError::Problem { file: path.display().to_string(), problem: problem.into() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn error(path: &Path) -> String {
+        Bag::read(path).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn what_is_no_bag_is_named_and_not_read() {
+        assert_eq!(error(Path::new("/dev/zero")), "/dev/zero: it is a device, not a file");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mcap");
+        std::fs::write(&path, b"").unwrap();
+        assert_eq!(error(&path), format!("{} is empty", path.display()));
+        // A hundred gigabytes without a byte on the disk.
+        std::fs::File::create(&path).unwrap().set_len(100 << 30).unwrap();
+        assert!(error(&path).ends_with("no ROS 2 bag: it is neither MCAP nor SQLite"));
+    }
+
+    #[test]
+    fn streams_and_bombs_stop_at_the_bound() {
+        let path = Path::new("a.mcap");
+        let read = |input: &mut dyn Read| match begin_and_rest(input, path, 1 << 20) {
+            Err(Unread::Unfit(error)) => error.to_string(),
+            other => panic!("{:?}", other.map(|bytes| bytes.len()).ok()),
+        };
+        let text = read(&mut mcap::MAGIC.chain(io::repeat(0)));
+        assert!(text.starts_with("a.mcap: more than 0 GiB: split the bag"), "{text}");
+        assert!(read(&mut io::repeat(0)).contains("no ROS 2 bag"));
+        let bomb = zstd::stream::encode_all(io::repeat(0).take(1 << 30), 1).unwrap();
+        let mut bag = Bag::default();
+        let text = bag.all(bomb.as_slice(), path, MAX_BYTES).unwrap_err().to_string();
+        assert!(text.contains("no ROS 2 bag"), "{text}");
+    }
+
+    #[test]
+    fn a_bag_that_is_cut_off_names_its_file_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("cut.mcap");
+        std::fs::write(&path, mcap::MAGIC).unwrap();
+        let said = |path: &Path| Bag::read(path).unwrap().remarks.join("\n");
+        assert!(said(&path).starts_with("damaged or cut off ("), "{}", said(&path));
+        assert!(said(folder.path()).starts_with("cut.mcap: damaged or cut off ("), "{}", said(folder.path()));
+    }
 }
