@@ -137,7 +137,9 @@ impl LiveArgs {
         (runtime, shutdown): (&Runtime, &mut Shutdown),
         observe: &mut Observer<'_>,
     ) -> Result<Option<End>, Failure> {
-        let saves = self.state.outputs(output.guard_of_robot()?)?;
+        let mut guard = output.guard_of_robot()?;
+        self.record.claim(&mut guard)?;
+        let saves = self.state.outputs(guard)?;
         let options = Options { port, baud: self.baud, exit_on_hangup: self.exit_on_hangup };
         let health = Arc::<DiskHealth>::default();
         let server = self.api.begin(&saves.guard, &health)?;
