@@ -37,6 +37,7 @@ use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use config::{HowArgs, MethodArg};
 pub use failure::{Failure, Kind};
 use slamd_files::OutputGuard;
+use slamd_publish::RESULTS;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -115,15 +116,16 @@ impl OutputArgs {
         self.out.as_deref().unwrap_or_else(|| Path::new("slamd-out"))
     }
 
-    /// A guard that knows the configuration files of a robot.
+    /// A guard that knows the configuration files of a robot and the results.
     fn guard_of_robot(&self) -> Result<OutputGuard, Failure> {
         let files = self.how.files_of_robot()?;
-        Ok(self.force.guard().creates(self.out()).reads_all(files.iter().map(PathBuf::as_path)))
+        Ok(self.force.guard().reads_all(files.iter().map(PathBuf::as_path)).fills(self.out(), &RESULTS))
     }
 
-    /// A guard that knows a recording and its configuration file.
-    fn guard_of_recording(&self, recording: &Path) -> OutputGuard {
-        self.force.guard().creates(self.out()).reads(recording).reads_all(self.how.named())
+    /// A guard that knows a recording, its configuration file and the results, if `folder` holds them afterwards.
+    fn guard_of_recording(&self, recording: &Path, folder: Option<&Path>) -> OutputGuard {
+        let guard = self.force.guard().reads(recording).reads_all(self.how.named());
+        folder.into_iter().fold(guard, |guard, folder| guard.fills(folder, &RESULTS))
     }
 }
 

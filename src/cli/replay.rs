@@ -36,7 +36,7 @@ impl ReplayArgs {
         if self.file.is_dir() {
             return self.run_folder();
         }
-        let saves = self.state.outputs(self.output.guard_of_recording(&self.file))?;
+        let saves = self.state.outputs(self.output.guard_of_recording(&self.file, Some(self.output.out())))?;
         let outputs = outputs(&self.file, self.output.out(), &saves.guard)?;
         let (mut capture, mut session) = open(&self.file, &self.state, &self.output.how, outputs)?;
         #[cfg(feature = "viewer")]

@@ -39,3 +39,33 @@ fn a_session_does_not_replace_its_recording() {
     let (code, error) = slamd(folder.path(), &format!("{run} --save-session other.session"));
     assert_eq!(code, 0, "{error}");
 }
+
+#[test]
+fn no_output_has_the_name_of_a_result() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    assert_eq!(slamd(here, "simulate --duration 5 --capture drive.mcap").0, 0);
+    let absolute = here.canonicalize().unwrap().join("o/map.yaml");
+    let absolute = absolute.to_str().unwrap();
+    for forced in ["", " --force"] {
+        for option in [
+            "--save-session o/summary.json",
+            "--session ./o/map.png",
+            "--save-session o/trajectory.tum",
+            &format!("--save-calibration {absolute}"),
+        ] {
+            refuses(here, &format!("replay drive.mcap --out o{forced} {option}"));
+            refuses(here, &format!("run --port nowhere --duration 0.1 --out ./o{forced} {option}"));
+        }
+        refuses(here, &format!("run --port nowhere --duration 0.1 --out o{forced} --record o/map.png"));
+        refuses(here, &format!("run --port nowhere --duration 0.1{forced} --record slamd-out/config.toml"));
+    }
+    let (code, error) = slamd(here, "replay drive.mcap --out o --save-session o/home.session");
+    assert!(code == 0 || code == 75, "{code}: {error}");
+    // The folder exists now, and so do its files.
+    for name in ["summary.json", "truth.tum", "map.png"] {
+        let before = std::fs::read(here.join("o").join(name)).ok();
+        refuses(here, &format!("replay drive.mcap --out o --force --save-session o/{name}"));
+        assert_eq!(std::fs::read(here.join("o").join(name)).ok(), before);
+    }
+}

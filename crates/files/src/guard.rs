@@ -101,10 +101,12 @@ impl OutputGuard {
         paths.into_iter().fold(self, Self::reads)
     }
 
-    /// The command creates this folder, with those above it, before it writes a file.
+    /// The command creates this folder, with those above it, before it writes a file; then it fills it with files of these names, which no
+    /// other output may have.
     #[must_use]
-    pub fn creates(mut self, folder: &Path) -> Self {
+    pub fn fills(mut self, folder: &Path, names: &[&str]) -> Self {
         self.folders.push(folder.into());
+        self.outputs.extend(names.iter().map(|name| Identity::of(&folder.join(name))));
         self
     }
 
@@ -335,7 +337,7 @@ mod tests {
         let missing = guard.output(&folder.path("nowhere/x")).unwrap_err();
         assert!(!missing.is_usage() && missing.to_string().contains("nowhere/x: No such file"), "{missing}");
         assert!(guard.output(&folder.path("old.mcap/x")).unwrap_err().to_string().contains("Not a directory"));
-        let mut coming = folder.guard(false).creates(&folder.path("a/out"));
+        let mut coming = folder.guard(false).fills(&folder.path("a/out"), &["map.png"]);
         coming.output(&folder.path("a/home.session")).unwrap();
         assert!(coming.output(&folder.path("b/home.session")).is_err());
         guard.output(&folder.path("new")).unwrap();
@@ -347,8 +349,8 @@ mod tests {
     #[test]
     fn a_claimed_name_is_no_other_outputs() {
         let folder = Folder::new();
-        let mut guard = folder.guard(true).creates(&folder.path("a/out"));
-        for name in ["old.mcap", "a/out/map.png", "drive.csv"] {
+        let mut guard = folder.guard(true).fills(&folder.path("a/out"), &["map.png"]);
+        for name in ["old.mcap", "a/out/drive.mcap", "drive.csv"] {
             guard.claim(&folder.path(name)).unwrap();
             assert!(matches!(guard.claim(&folder.path(name)), Err(Refusal::Twice(_))), "{name}");
         }
