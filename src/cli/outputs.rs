@@ -28,6 +28,12 @@ pub(super) fn can_be_made_again(path: &Path) -> bool {
     info.is_some_and(|CaptureInfo { notes, .. }| MADE.iter().any(|made| notes.starts_with(made)))
 }
 
+/// True if the file is the drive that the simulator describes so.
+pub(super) fn is_same_drive(path: &Path, wanted: &CaptureInfo) -> bool {
+    let there = CaptureReader::open(path).ok();
+    there.is_some_and(|there| there.info().notes == wanted.notes && there.info().faults == wanted.faults)
+}
+
 /// How the notes of captures begin that `slamd import` and `slamd simulate` have written.
 const MADE: [&str; 2] = ["imported from ", "slamd simulate "];
 

@@ -1,4 +1,4 @@
-//! Two outputs of one command never have the same name, whichever options name them.
+//! Two outputs of one command never have the same name, and a simulated drive replaces only itself.
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
@@ -68,4 +68,34 @@ fn no_output_has_the_name_of_a_result() {
         refuses(here, &format!("replay drive.mcap --out o --force --save-session o/{name}"));
         assert_eq!(std::fs::read(here.join("o").join(name)).ok(), before);
     }
+}
+
+#[test]
+fn a_simulated_drive_replaces_only_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    let drive = "simulate --duration 1 --capture drive.mcap";
+    assert_eq!(slamd(here, drive).0, 0);
+    let made = std::fs::read(here.join("drive.mcap")).unwrap();
+    assert_eq!(slamd(here, drive).0, 0, "the same again");
+    assert_eq!(slamd(here, &format!("{drive} --sensors 32 --clock-drift 300 --beam cone")).0, 0, "the defaults");
+    for other in [
+        "--seed 2",
+        "--world room",
+        "--sensors 8",
+        "--beam point",
+        "--fault 3:stuck@0",
+        "--encoder-fault left:dead@0",
+        "--robot-fault ticks=2",
+        "--odometry-errors 0",
+        "--clock-drift 0",
+        "--bit-errors 0.001",
+    ] {
+        let (code, error) = slamd(here, &format!("{drive} {other}"));
+        assert_eq!(code, 73, "{other}: {error}");
+        assert!(error.contains("drive.mcap exists and is kept"), "{other}: {error}");
+        assert_eq!(std::fs::read(here.join("drive.mcap")).unwrap(), made, "{other}");
+    }
+    assert_eq!(slamd(here, &format!("{drive} --seed 2 --force")).0, 0);
+    assert_ne!(std::fs::read(here.join("drive.mcap")).unwrap(), made);
 }
