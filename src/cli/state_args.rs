@@ -1,6 +1,6 @@
 //! Options for the saved state that a run starts from and the state that it saves, for a robot and for a replay.
 
-use super::{Failure, Kind};
+use super::{Failure, Kind, failure};
 use crate::session_file::{self, FileError, Saver};
 use crate::source::session::Session;
 use clap::Args;
@@ -127,14 +127,15 @@ impl Saves {
         // Without a map nothing has been learnt of the wheels.
         let calibrated = state.is_some().then(|| session.calibrated()).flatten();
         let saved = saver.map_or(Ok(()), |saver| saver.finish(state));
-        match (self.calibration, calibrated) {
-            (Some(output), Some(config)) => write_robot(output, &config, "slamd --save-calibration")?,
+        let calibrated = match (self.calibration, calibrated) {
+            (Some(output), Some(config)) => write_robot(output, &config, "slamd --save-calibration"),
             (Some(output), None) => {
                 tracing::warn!("{}: not written, because there is no calibration to save yet", output.path().display());
+                Ok(())
             }
-            (None, _) => {}
-        }
-        Ok(saved?)
+            (None, _) => Ok(()),
+        };
+        failure::together([saved.map_err(Failure::from), calibrated])
     }
 }
 
