@@ -144,13 +144,12 @@ pub fn main() -> ExitCode {
         let is_live = matches!(cli.command, Command::Run(_));
         log::begin(format, log::level(cli.verbose, cli.quiet), is_live);
     }
-    let code = match cli.command.run() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            log::end(format, &failure);
-            ExitCode::from(failure.kind as u8)
-        }
-    };
+    let failures = [cli.command.run(), terminal::taken()].into_iter().filter_map(Result::err);
+    // Where the output is lost, the reader of the exit code has not read what it says of the command.
+    let code = failures.fold(ExitCode::SUCCESS, |_, failure| {
+        log::end(format, &failure);
+        ExitCode::from(failure.kind as u8)
+    });
     log::finish();
     code
 }
@@ -191,9 +190,16 @@ fn command() -> clap::Command {
 
 /// Prints why the arguments are invalid, or the requested help or version.
 fn usage_error(error: &clap::Error) -> ExitCode {
-    let _ = error.print();
+    let printed = error.print();
     if !error.use_stderr() {
-        return ExitCode::SUCCESS;
+        terminal::note(printed);
+        return match terminal::taken() {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(failure) => {
+                terminal::tell(format_args!("slamd: {failure}"));
+                ExitCode::from(failure.kind as u8)
+            }
+        };
     }
     // A required option may be missing because its variable is misspelt.
     config::unknown().iter().for_each(|text| terminal::tell(format_args!("slamd: {text}")));
