@@ -149,6 +149,8 @@ impl LiveArgs {
         let mut guard = output.guard_of_robot()?;
         self.record.claim(&mut guard)?;
         let saves = self.state.outputs(guard)?;
+        self.state.check(config.method)?;
+        Outputs::check(output.out(), &saves.guard)?;
         let options = Options { port, baud: self.baud, exit_on_hangup: self.exit_on_hangup };
         let health = Arc::<DiskHealth>::default();
         let server = self.api.begin(&saves.guard, &health)?;
