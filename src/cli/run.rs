@@ -110,9 +110,9 @@ impl End {
     /// # Errors
     /// When one of them was not written, or nothing was mapped.
     pub(super) fn report(self, output: &OutputArgs) -> Result<(), Failure> {
-        let ending = self.results.and_then(|(summary, faulty)| {
-            terminal::report(&summary, &faulty, Some(output.out()), output.json)
-        });
+        let ending = self
+            .results
+            .and_then(|(summary, faulty)| terminal::report(&summary, &faulty, Some(output.out()), output.json));
         failure::together([recorded(&self.lacking), self.saved, ending])
     }
 }
@@ -126,7 +126,8 @@ fn recorded(lacking: &Losses) -> Result<(), Failure> {
         tracing::error!("{} chunks are missing from the recording", lacking.chunks);
     }
     let Some(cause) = &lacking.unfinished else { return Ok(()) };
-    let what = if lacking.is_gone { "the recording is lost" } else { "the recording was not closed; slamd can still read it" };
+    let what =
+        if lacking.is_gone { "the recording is lost" } else { "the recording was not closed; slamd can still read it" };
     Err(Failure::new(Kind::Io, format!("{cause}: {what}")))
 }
 

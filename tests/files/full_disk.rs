@@ -88,7 +88,9 @@ fn every_lost_file_is_named_the_recording_first() {
     let run = |options: &[&str]| {
         let mut command = Command::new("unshare");
         command.env("DISK", &disk).env("LIST", &list).env("XDG_CONFIG_HOME", "/nonexistent").current_dir(place.path());
-        command.args(["-rm", "sh", "-c", ON_A_TINY_DISK, "sh", SLAMD, "--port", "port", "--duration", "14"]).args(options);
+        command
+            .args(["-rm", "sh", "-c", ON_A_TINY_DISK, "sh", SLAMD, "--port", "port", "--duration", "14"])
+            .args(options);
         if cfg!(feature = "viewer") {
             command.args(["--viewer", "off"]);
         }
@@ -100,7 +102,8 @@ fn every_lost_file_is_named_the_recording_first() {
     let (code, error, left) = run(&["--record", "m/d.mcap", "--out", "m/ro", "--save-session", "m/home.session"]);
     assert_eq!(code, 74, "{error}");
     assert!(!left.contains("d.mcap"), "{left}");
-    let line_of = |text: &str| error.lines().position(|line| line.contains(text)).unwrap_or_else(|| panic!("{text}: {error}"));
+    let line_of =
+        |text: &str| error.lines().position(|line| line.contains(text)).unwrap_or_else(|| panic!("{text}: {error}"));
     let recording = line_of("m/d.mcap: 0 MiB are free, and 100 must stay free: the recording is lost");
     if !left.contains("home.session") {
         assert!(recording < line_of("m/home.session: "), "{error}");

@@ -66,9 +66,7 @@ impl Identity {
     fn of(path: &Path) -> Self {
         match fs::metadata(path) {
             Ok(metadata) => Self::Inode(metadata.dev(), metadata.ino()),
-            Err(_) => {
-                Self::Name(resolved(folder_of(path)).join(path.file_name().unwrap_or_default()))
-            }
+            Err(_) => Self::Name(resolved(folder_of(path)).join(path.file_name().unwrap_or_default())),
         }
     }
 }
