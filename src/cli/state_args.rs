@@ -65,8 +65,8 @@ impl StateArgs {
     pub(super) fn check(&self, method: Method) -> Result<(), Failure> {
         self.fits(method)?;
         let session = self.session.as_ref().filter(|path| path.exists());
-        let known = [&self.resume, &self.localize].into_iter().filter_map(Option::as_ref).chain(session);
-        known.into_iter().try_for_each(|path| Ok(session_file::read(path).map(drop)?))
+        let mut known = [&self.resume, &self.localize].into_iter().filter_map(Option::as_ref).chain(session);
+        known.try_for_each(|path| Ok(session_file::read(path).map(drop)?))
     }
 
     /// Checks that the method can do what is asked.
