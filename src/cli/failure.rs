@@ -48,6 +48,17 @@ impl Failure {
     }
 }
 
+/// One result of several. All failures but the last are logged; the last is the program's last line, with the kind of the first.
+///
+/// # Errors
+/// When one of them is a failure.
+pub(super) fn together(results: impl IntoIterator<Item = Result<(), Failure>>) -> Result<(), Failure> {
+    let mut failures: Vec<Failure> = results.into_iter().filter_map(Result::err).collect();
+    let Some(last) = failures.pop() else { return Ok(()) };
+    failures.iter().for_each(|failure| tracing::error!("{failure}"));
+    Err(Failure { kind: failures.first().map_or(last.kind, |first| first.kind), ..last })
+}
+
 /// The system's errors in words.
 fn in_words(text: String) -> String {
     const WORDS: &[(&str, &str)] = &[
@@ -95,5 +106,19 @@ impl From<ReplayError> for Failure {
             ReplayError::Capture(error) => error.into(),
             ReplayError::Publish(error) => error.into(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_failure_gives_the_code_and_the_last_the_line() {
+        let failed = |kind, text: &str| Err(Failure::new(kind, text));
+        assert!(together([Ok(()), Ok(())]).is_ok());
+        let failure = together([failed(Kind::Io, "a"), Ok(()), failed(Kind::CantCreate, "b")]).unwrap_err();
+        assert_eq!((failure.kind, failure.to_string()), (Kind::Io, "b".into()));
+        assert_eq!(together([Ok(()), failed(Kind::NothingMapped, "c")]).unwrap_err().kind, Kind::NothingMapped);
     }
 }

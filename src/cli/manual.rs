@@ -4,7 +4,6 @@ use super::outputs::ForceArg;
 use super::{Failure, Kind, terminal};
 use clap::{Args, Command};
 use clap_complete::Shell;
-use std::io::Write as _;
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 
@@ -26,8 +25,7 @@ impl CompletionsArgs {
     pub(super) fn run(self, mut program: Command) {
         let mut script = Vec::new();
         clap_complete::generate(self.shell, &mut program, "slamd", &mut script);
-        // A closed pipe is no failure.
-        let _ = std::io::stdout().write_all(&script);
+        terminal::put(&script);
     }
 }
 

@@ -37,6 +37,7 @@ use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use config::{HowArgs, MethodArg};
 pub use failure::{Failure, Kind};
 use slamd_files::OutputGuard;
+use slamd_publish::RESULTS;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -115,15 +116,16 @@ impl OutputArgs {
         self.out.as_deref().unwrap_or_else(|| Path::new("slamd-out"))
     }
 
-    /// A guard that knows the configuration files of a robot.
+    /// A guard that knows the configuration files of a robot and the results.
     fn guard_of_robot(&self) -> Result<OutputGuard, Failure> {
         let files = self.how.files_of_robot()?;
-        Ok(self.force.guard().creates(self.out()).reads_all(files.iter().map(PathBuf::as_path)))
+        Ok(self.force.guard().reads_all(files.iter().map(PathBuf::as_path)).fills(self.out(), &RESULTS))
     }
 
-    /// A guard that knows a recording and its configuration file.
-    fn guard_of_recording(&self, recording: &Path) -> OutputGuard {
-        self.force.guard().creates(self.out()).reads(recording).reads_all(self.how.named())
+    /// A guard that knows a recording, its configuration file and the results, if `folder` holds them afterwards.
+    fn guard_of_recording(&self, recording: &Path, folder: Option<&Path>) -> OutputGuard {
+        let guard = self.force.guard().reads(recording).reads_all(self.how.named());
+        folder.into_iter().fold(guard, |guard, folder| guard.fills(folder, &RESULTS))
     }
 }
 
@@ -142,13 +144,12 @@ pub fn main() -> ExitCode {
         let is_live = matches!(cli.command, Command::Run(_));
         log::begin(format, log::level(cli.verbose, cli.quiet), is_live);
     }
-    let code = match cli.command.run() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            log::end(format, &failure);
-            ExitCode::from(failure.kind as u8)
-        }
-    };
+    let failures = [cli.command.run(), terminal::taken()].into_iter().filter_map(Result::err);
+    // Where the output is lost, the reader of the exit code has not read what it says of the command.
+    let code = failures.fold(ExitCode::SUCCESS, |_, failure| {
+        log::end(format, &failure);
+        ExitCode::from(failure.kind as u8)
+    });
     log::finish();
     code
 }
@@ -189,9 +190,16 @@ fn command() -> clap::Command {
 
 /// Prints why the arguments are invalid, or the requested help or version.
 fn usage_error(error: &clap::Error) -> ExitCode {
-    let _ = error.print();
+    let printed = error.print();
     if !error.use_stderr() {
-        return ExitCode::SUCCESS;
+        terminal::note(printed);
+        return match terminal::taken() {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(failure) => {
+                terminal::tell(format_args!("slamd: {failure}"));
+                ExitCode::from(failure.kind as u8)
+            }
+        };
     }
     // A required option may be missing because its variable is misspelt.
     config::unknown().iter().for_each(|text| terminal::tell(format_args!("slamd: {text}")));

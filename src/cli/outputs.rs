@@ -4,7 +4,7 @@ use super::{Failure, Kind};
 use clap::Args;
 use slamd_capture::{CaptureInfo, CaptureReader};
 use slamd_files::{OutputGuard, Refusal};
-use slamd_publish::FolderError;
+use slamd_publish::{FolderError, RESULTS, WriteError};
 use std::path::Path;
 
 /// Whether existing files may be replaced.
@@ -28,8 +28,28 @@ pub(super) fn can_be_made_again(path: &Path) -> bool {
     info.is_some_and(|CaptureInfo { notes, .. }| MADE.iter().any(|made| notes.starts_with(made)))
 }
 
+/// True if the file is the drive that the simulator describes so.
+pub(super) fn is_same_drive(path: &Path, wanted: &CaptureInfo) -> bool {
+    let there = CaptureReader::open(path).ok();
+    there.is_some_and(|there| there.info().notes == wanted.notes && there.info().faults == wanted.faults)
+}
+
 /// How the notes of captures begin that `slamd import` and `slamd simulate` have written.
 const MADE: [&str; 2] = ["imported from ", "slamd simulate "];
+
+/// The results of a run could not be written: which of them the folder does not have.
+pub(super) fn lost(folder: &Path, error: &WriteError) -> Failure {
+    // Only a simulated drive has true poses.
+    let is_lost = |name: &&str| *name != "truth.tum" && folder.join(name).symlink_metadata().is_err();
+    let lost: Vec<&str> = RESULTS.iter().copied().filter(is_lost).collect();
+    let what = if lost.is_empty() {
+        "the results are those of an earlier moment".into()
+    } else {
+        format!("lost: {}", lost.join(", "))
+    };
+    let text = format!("{}: {what}: {error}; choose a folder that can be written with --out", folder.display());
+    Failure::new(Kind::CantCreate, text)
+}
 
 impl From<Refusal> for Failure {
     fn from(refusal: Refusal) -> Self {

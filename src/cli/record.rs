@@ -4,7 +4,8 @@ use super::{Failure, Kind};
 use crate::recorder::{DiskHealth, Folder, Plan, Recorder};
 use clap::Args;
 use slamd_capture::CaptureInfo;
-use std::path::PathBuf;
+use slamd_files::OutputGuard;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -31,10 +32,18 @@ const MIB: u64 = 1 << 20;
 const HOUR: u32 = 60;
 
 impl RecordArgs {
+    /// Keeps the name of the recording from the command's other outputs.
+    pub(super) fn claim(&self, guard: &mut OutputGuard) -> Result<(), Failure> {
+        match &self.record {
+            Some(path) if !is_folder(path) => Ok(guard.claim(path)?),
+            _ => Ok(()),
+        }
+    }
+
     /// Begins the recording; none without --record.
     pub(super) fn begin(&self, info: CaptureInfo, health: Arc<DiskHealth>) -> Result<Option<Recorder>, Failure> {
         let Some(path) = &self.record else { return Ok(None) };
-        let is_folder = path.is_dir() || path.as_os_str().as_encoded_bytes().ends_with(b"/");
+        let is_folder = is_folder(path);
         let minutes = self.record_minutes.or_else(|| (is_folder && self.record_mib.is_none()).then_some(HOUR));
         let plan = Plan {
             most_bytes: self.record_mib.map(|mib| u64::from(mib) * MIB),
@@ -56,4 +65,9 @@ impl RecordArgs {
         };
         Recorder::begin(folder, info, plan, health).map(Some).map_err(Failure::creating)
     }
+}
+
+/// True if the recording's files get their names from its start.
+fn is_folder(path: &Path) -> bool {
+    path.is_dir() || path.as_os_str().as_encoded_bytes().ends_with(b"/")
 }

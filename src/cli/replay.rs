@@ -2,7 +2,7 @@
 
 use super::replay_folder::replay_folder;
 use super::state_args::StateArgs;
-use super::{Failure, HowArgs, Kind, OutputArgs, terminal};
+use super::{Failure, HowArgs, Kind, OutputArgs, failure, terminal};
 use crate::source::replay::replay;
 use crate::source::session::Session;
 use clap::Args;
@@ -36,7 +36,7 @@ impl ReplayArgs {
         if self.file.is_dir() {
             return self.run_folder();
         }
-        let saves = self.state.outputs(self.output.guard_of_recording(&self.file))?;
+        let saves = self.state.outputs(self.output.guard_of_recording(&self.file, Some(self.output.out())))?;
         let outputs = outputs(&self.file, self.output.out(), &saves.guard)?;
         let (mut capture, mut session) = open(&self.file, &self.state, &self.output.how, outputs)?;
         #[cfg(feature = "viewer")]
@@ -55,12 +55,15 @@ impl ReplayArgs {
         }
         let saver = saves.saver();
         let saved = saves.save(saver, &session);
-        let (summary, faulty) = session.finish()?;
-        let ending = terminal::report(&summary, &faulty, Some(self.output.out()), self.output.json);
+        let folder = self.output.out();
+        let results = session.finish().map_err(|error| super::outputs::lost(folder, &error));
+        let ending = results.and_then(|(summary, faulty)| {
+            terminal::report(&summary, &faulty, Some(folder), self.output.json)
+                .map_err(|failure| of_capture(&self.file, &summary, failure))
+        });
         #[cfg(feature = "viewer")]
         watched.finish()?;
-        saved?;
-        ending.map_err(|failure| of_capture(&self.file, &summary, failure))
+        failure::together([saved, ending])
     }
 
     fn run_folder(&self) -> Result<(), Failure> {

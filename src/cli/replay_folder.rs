@@ -118,7 +118,8 @@ fn run_all(captures: &[PathBuf], jobs: usize, output: &OutputArgs) -> Vec<Outcom
 #[expect(clippy::disallowed_methods, reason = "the speed of a replay is reported, and changes nothing")]
 fn run(file: &Path, output: &OutputArgs) -> Outcome {
     let begin = Instant::now();
-    let outputs = outputs(file, &output.out().join(name(file)), &output.guard_of_recording(file))?;
+    let folder = output.out().join(name(file));
+    let outputs = outputs(file, &folder, &output.guard_of_recording(file, Some(&folder)))?;
     let (mut capture, mut session) = open(file, &super::state_args::StateArgs::default(), &output.how, outputs)?;
     replay(&mut capture, &mut session, |_| ())?;
     let duration_s = session.now().seconds();

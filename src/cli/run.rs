@@ -1,7 +1,7 @@
 //! `slamd --port DEV`, the same as `slamd run --port DEV`
 
 use super::state_args::StateArgs;
-use super::{Failure, Kind, OutputArgs, terminal};
+use super::{Failure, Kind, OutputArgs, failure, outputs, terminal};
 use crate::api::Tap;
 use crate::daemon::{self, Live, Observer, Options, SessionClock, Shutdown};
 use crate::port::PortName;
@@ -91,8 +91,8 @@ impl RunArgs {
 
 /// How a live session ended.
 pub(super) struct End {
-    summary: Summary,
-    faulty: Vec<FaultEvent>,
+    /// The summary and the faulty sensors, or why the results were not written.
+    results: Result<(Summary, Vec<FaultEvent>), Failure>,
     /// What the recording lacks.
     lacking: Losses,
     /// Whether the state for the next session was saved.
@@ -101,24 +101,34 @@ pub(super) struct End {
 
 impl End {
     /// False if there is no map to report.
-    const fn is_mapped(&self) -> bool {
-        self.summary.nothing_mapped.is_none()
+    fn is_mapped(&self) -> bool {
+        self.results.as_ref().is_ok_and(|(summary, _)| summary.nothing_mapped.is_none())
     }
 
-    /// Prints the summary on standard output and logs failures.
+    /// Prints the summary on standard output and logs failures: of the recording, which cannot be made again, of the session, of the results.
     ///
     /// # Errors
-    /// When the state was not saved, or nothing was mapped.
+    /// When one of them was not written, or nothing was mapped.
     pub(super) fn report(self, output: &OutputArgs) -> Result<(), Failure> {
-        let ending = terminal::report(&self.summary, &self.faulty, Some(output.out()), output.json);
-        if self.lacking.chunks > 0 {
-            tracing::error!("{} chunks are missing from the recording", self.lacking.chunks);
-        }
-        if let Some(cause) = &self.lacking.unfinished {
-            tracing::error!("the recording was not closed: {cause}; slamd can still read it");
-        }
-        self.saved.and(ending)
+        let ending = self
+            .results
+            .and_then(|(summary, faulty)| terminal::report(&summary, &faulty, Some(output.out()), output.json));
+        failure::together([recorded(&self.lacking), self.saved, ending])
     }
+}
+
+/// Logs what the recording lacks.
+///
+/// # Errors
+/// When it is lost or was not closed.
+fn recorded(lacking: &Losses) -> Result<(), Failure> {
+    if lacking.chunks > 0 {
+        tracing::error!("{} chunks are missing from the recording", lacking.chunks);
+    }
+    let Some(cause) = &lacking.unfinished else { return Ok(()) };
+    let what =
+        if lacking.is_gone { "the recording is lost" } else { "the recording was not closed; slamd can still read it" };
+    Err(Failure::new(Kind::Io, format!("{cause}: {what}")))
 }
 
 impl LiveArgs {
@@ -137,7 +147,11 @@ impl LiveArgs {
         (runtime, shutdown): (&Runtime, &mut Shutdown),
         observe: &mut Observer<'_>,
     ) -> Result<Option<End>, Failure> {
-        let saves = self.state.outputs(output.guard_of_robot()?)?;
+        let mut guard = output.guard_of_robot()?;
+        self.record.claim(&mut guard)?;
+        let saves = self.state.outputs(guard)?;
+        self.state.check(config.method)?;
+        Outputs::check(output.out(), &saves.guard)?;
         let options = Options { port, baud: self.baud, exit_on_hangup: self.exit_on_hangup };
         let health = Arc::<DiskHealth>::default();
         let server = self.api.begin(&saves.guard, &health)?;
@@ -204,10 +218,10 @@ impl LiveArgs {
         if lacking.chunks > 0 {
             session.doubt(format!("{} chunks are missing from the recording", lacking.chunks));
         }
-        let (summary, faulty) = session.finish()?;
+        let results = session.finish().map_err(|error| outputs::lost(output.out(), &error));
         #[cfg(feature = "viewer")]
         watched.finish()?;
-        Ok(Some(End { summary, faulty, lacking, saved }))
+        Ok(Some(End { results, lacking, saved }))
     }
 }
 

@@ -1,6 +1,6 @@
 //! `slamd simulate`
 
-use super::outputs::{ForceArg, can_be_made_again};
+use super::outputs::{ForceArg, is_same_drive};
 use super::{Failure, Kind, terminal};
 use crate::source::pty;
 use clap::{ArgGroup, Args};
@@ -13,10 +13,15 @@ use slamd_sim::robot_fault::RobotFault;
 use slamd_sim::simulation::{SimConfig, Simulation, session};
 use slamd_sim::sonar::BeamShape;
 use slamd_sim::world::World;
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 /// With fewer sensors a warning is given.
 const FEW_SENSORS: u8 = 4;
+/// Sensors of the usual ring.
+const SENSORS: u8 = 32;
+/// Usual rate error of the board's clock, parts per million.
+const DRIFT_PPM: f64 = 300.0;
 
 #[derive(Debug, Args)]
 #[command(group(ArgGroup::new("to").required(true).args(["capture", "pty"])))]
@@ -51,7 +56,7 @@ pub(super) struct SimulateArgs {
     #[arg(long, default_value = "cone")]
     beam: BeamShape,
     /// Number of sensors.
-    #[arg(long, default_value_t = 32, value_parser = clap::value_parser!(u8).range(1..=64))]
+    #[arg(long, default_value_t = SENSORS, value_parser = clap::value_parser!(u8).range(1..=64))]
     sensors: u8,
     /// Scale of the odometry errors; 0 is perfect odometry.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
@@ -63,7 +68,7 @@ pub(super) struct SimulateArgs {
     #[arg(long, value_name = "DEGREES", default_value = "0", value_parser = super::spread)]
     bearing_offset: f64,
     /// Rate error of the board's clock, parts per million.
-    #[arg(long, value_name = "PPM", default_value_t = 300.0)]
+    #[arg(long, value_name = "PPM", default_value_t = DRIFT_PPM)]
     clock_drift: f64,
     /// Probability that a byte on the link has a flipped bit.
     #[arg(long, value_name = "P", default_value = "0", value_parser = super::probability)]
@@ -74,7 +79,7 @@ pub(super) struct SimulateArgs {
     /// Probability that a random byte is inserted.
     #[arg(long, value_name = "P", default_value = "0", value_parser = super::probability)]
     byte_insertions: f64,
-    /// Write the session with the true poses to this capture.
+    /// Write the session with the true poses to this capture. An existing file is replaced only if it is the same simulated drive, or with --force.
     #[arg(long, value_name = "FILE")]
     capture: Option<PathBuf>,
     #[command(flatten)]
@@ -121,25 +126,38 @@ impl SimulateArgs {
         }
     }
 
+    /// The command that makes this drive again. Sensor faults are listed beside it, in the capture's `faults`.
+    fn description(&self) -> String {
+        let Self { world, seed, duration, range_bias, bearing_offset, .. } = self;
+        let mut text = format!(
+            "slamd simulate --world {world} --seed {seed} --duration {duration} --range-bias {range_bias} --bearing-offset {bearing_offset}"
+        );
+        let link = [
+            ("bit-errors", self.bit_errors),
+            ("byte-drops", self.byte_drops),
+            ("byte-insertions", self.byte_insertions),
+        ];
+        text += &unless(self.beam == BeamShape::default(), "beam", self.beam.word());
+        text += &unless(self.sensors == SENSORS, "sensors", self.sensors);
+        text += &unless(self.odometry_errors.to_bits() == 1.0_f64.to_bits(), "odometry-errors", self.odometry_errors);
+        text += &unless(self.clock_drift.to_bits() == DRIFT_PPM.to_bits(), "clock-drift", self.clock_drift);
+        text.extend(link.iter().map(|(option, value)| unless(value.to_bits() == 0, option, value)));
+        text.extend(self.encoder_fault.iter().map(|fault| format!(" --encoder-fault {fault}")));
+        text.extend(self.robot_fault.iter().map(|fault| format!(" --robot-fault {fault}")));
+        text
+    }
+
     fn write(&self, simulation: Simulation, path: &Path) -> Result<(), Failure> {
         let mut guard = self.force.guard().reads_all(Some(Path::new(&self.world)).filter(|world| world.is_file()));
-        let output = guard.output_replacing(path, can_be_made_again)?;
         let info = CaptureInfo {
             slamd_version: env!("CARGO_PKG_VERSION").into(),
             protocol_version: format!("{}.{}", slamd_protocol::VERSION_MAJOR, slamd_protocol::VERSION_MINOR),
             config_toml: Config::default().to_toml(),
             unix_zero_us: None,
-            notes: format!(
-                "slamd simulate --world {} --seed {} --duration {} --range-bias {} --bearing-offset {}{}",
-                self.world,
-                self.seed,
-                self.duration,
-                self.range_bias,
-                self.bearing_offset,
-                self.robot_fault.iter().map(|fault| format!(" --robot-fault {fault}")).collect::<String>()
-            ),
+            notes: self.description(),
             faults: Some(simulation.faults().iter().map(ToString::to_string).collect()),
         };
+        let output = guard.output_replacing(path, |there| is_same_drive(there, &info))?;
         let mut capture = CaptureWriter::output(output, &info).map_err(Failure::creating)?;
         let bar = terminal::progress(Some(self.duration));
         let (mut way_m, mut before) = (0.0, None);
@@ -164,6 +182,11 @@ impl SimulateArgs {
         }
         Ok(())
     }
+}
+
+/// An option that the description names only where it is not the default.
+fn unless(is_default: bool, option: &str, value: impl Display) -> String {
+    if is_default { String::new() } else { format!(" --{option} {value}") }
 }
 
 /// A way that is none, metres.

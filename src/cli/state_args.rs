@@ -1,6 +1,6 @@
 //! Options for the saved state that a run starts from and the state that it saves, for a robot and for a replay.
 
-use super::{Failure, Kind};
+use super::{Failure, Kind, failure};
 use crate::session_file::{self, FileError, Saver};
 use crate::source::session::Session;
 use clap::Args;
@@ -60,21 +60,36 @@ impl StateArgs {
         self.resume.is_some() || self.session.as_ref().is_some_and(|path| path.exists())
     }
 
-    /// Begins the session from the saved state.
-    pub(super) fn begin(&self, config: Config, outputs: Outputs) -> Result<Session, Failure> {
+    /// Checks before the wait for a port what a run would refuse at its beginning. The state is read again then: another run may save it
+    /// meanwhile.
+    pub(super) fn check(&self, method: Method) -> Result<(), Failure> {
+        self.fits(method)?;
+        let session = self.session.as_ref().filter(|path| path.exists());
+        let mut known = [&self.resume, &self.localize].into_iter().filter_map(Option::as_ref).chain(session);
+        known.try_for_each(|path| Ok(session_file::read(path).map(drop)?))
+    }
+
+    /// Checks that the method can do what is asked.
+    fn fits(&self, method: Method) -> Result<(), Failure> {
         let keeps = self.saved().is_some() || self.save_calibration.is_some();
-        if config.method == Method::Paper && keeps {
+        if method == Method::Paper && keeps {
             return Err(Failure::new(
                 Kind::Usage,
                 "the paper's method has no state that could be saved; use --method walls",
             ));
         }
-        if config.method == Method::Paper && (self.resume.is_some() || self.localize.is_some()) {
+        if method == Method::Paper && (self.resume.is_some() || self.localize.is_some()) {
             return Err(Failure::new(
                 Kind::Usage,
                 "the paper's method cannot begin with a known map; use --method walls",
             ));
         }
+        Ok(())
+    }
+
+    /// Begins the session from the saved state.
+    pub(super) fn begin(&self, config: Config, outputs: Outputs) -> Result<Session, Failure> {
+        self.fits(config.method)?;
         let load = |path: &Path| -> Result<Box<SavedState>, Failure> { Ok(Box::new(session_file::read(path)?)) };
         let (start, path) = match (self.resumed()?, &self.localize) {
             (Some(path), _) => (Start::Resume(load(path)?), Some(path)),
@@ -127,14 +142,15 @@ impl Saves {
         // Without a map nothing has been learnt of the wheels.
         let calibrated = state.is_some().then(|| session.calibrated()).flatten();
         let saved = saver.map_or(Ok(()), |saver| saver.finish(state));
-        match (self.calibration, calibrated) {
-            (Some(output), Some(config)) => write_robot(output, &config, "slamd --save-calibration")?,
+        let calibrated = match (self.calibration, calibrated) {
+            (Some(output), Some(config)) => write_robot(output, &config, "slamd --save-calibration"),
             (Some(output), None) => {
                 tracing::warn!("{}: not written, because there is no calibration to save yet", output.path().display());
+                Ok(())
             }
-            (None, _) => {}
-        }
-        Ok(saved?)
+            (None, _) => Ok(()),
+        };
+        failure::together([saved.map_err(Failure::from), calibrated])
     }
 }
 

@@ -6,6 +6,7 @@ use slamd_core::FaultEvent;
 use slamd_publish::Summary;
 use std::io::{IsTerminal as _, Write as _};
 use std::path::Path;
+use std::sync::OnceLock;
 use std::time::Duration;
 
 /// A progress bar over the session's seconds, shown only on a terminal.
@@ -78,9 +79,50 @@ impl Drop for Guide {
     }
 }
 
-/// Prints a line on standard output. A closed pipe (`| head`) is no failure.
+/// Why standard output did not take something, as when it is a file on a full disk.
+static REFUSED: OnceLock<std::io::Error> = OnceLock::new();
+
+/// Prints a line on standard output. A closed pipe (`| head`) is no failure; others are found by [`taken`].
 pub(super) fn say(line: impl std::fmt::Display) {
-    let _ = writeln!(std::io::stdout(), "{}", plain(line));
+    put(format!("{}\n", plain(line)).as_bytes());
+}
+
+/// Writes bytes to standard output, as [`say`] does.
+pub(super) fn put(bytes: &[u8]) {
+    let mut output = std::io::stdout().lock();
+    note(output.write_all(bytes).and_then(|()| output.flush()));
+}
+
+/// Notes how a write to standard output ended.
+pub(super) fn note(result: std::io::Result<()>) {
+    if let Err(error) = result
+        && error.kind() != std::io::ErrorKind::BrokenPipe
+        && !is_closed_terminal(&error)
+    {
+        // The first one is the cause of others.
+        let _ = REFUSED.set(error);
+    }
+}
+
+/// A terminal that was closed answers so; its reader is gone like that of a closed pipe.
+fn is_closed_terminal(error: &std::io::Error) -> bool {
+    let kind = || rustix::fs::fstat(std::io::stdout()).map(|it| rustix::fs::FileType::from_raw_mode(it.st_mode));
+    error.raw_os_error() == Some(rustix::io::Errno::IO.raw_os_error())
+        && kind() == Ok(rustix::fs::FileType::CharacterDevice)
+}
+
+/// Whether standard output has taken everything. It does not wait for a write that hangs.
+///
+/// # Errors
+/// Why it has not.
+pub(super) fn taken() -> Result<(), Failure> {
+    match REFUSED.get() {
+        None => Ok(()),
+        Some(error) => {
+            let text = format!("standard output: {error}; the output is incomplete, write it elsewhere");
+            Err(Failure::new(Kind::Io, text))
+        }
+    }
 }
 
 /// Prints a line on standard error. A closed pipe (`2>&1 | head`) is no failure; `eprintln!` would panic there.

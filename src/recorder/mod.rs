@@ -128,7 +128,7 @@ impl Recorder {
     /// Writes all waiting chunks and closes the file. Returns what the recording lacks.
     pub fn finish(self) -> Losses {
         drop(self.queue);
-        let failed = |_| Losses { chunks: 0, unfinished: Some("the recording thread failed".into()) };
+        let failed = |_| Losses { chunks: 0, unfinished: Some("the recording thread failed".into()), is_gone: false };
         let mut losses = self.thread.join().unwrap_or_else(failed);
         losses.chunks += self.dropped;
         losses

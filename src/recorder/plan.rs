@@ -20,6 +20,8 @@ pub struct Plan {
 pub struct Losses {
     /// Chunks that were not written, or whose file was removed.
     pub chunks: u64,
-    /// Why the last file could not be closed; its content can still be read.
+    /// Why the last file could not be closed; its content can still be read, unless it is gone.
     pub unfinished: Option<String>,
+    /// The last file is gone, because nothing of the traffic could be written to it.
+    pub is_gone: bool,
 }

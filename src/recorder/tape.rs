@@ -181,16 +181,18 @@ impl<D: Disk> Tape<D> {
         self.delete_leftover();
         self.delete_old();
         match result {
-            Ok(()) => Losses { chunks: self.lost, unfinished: None },
+            Ok(()) => Losses { chunks: self.lost, ..Losses::default() },
             Err(error) => {
                 let unwritten = self.part.encoded;
                 // An empty file is no recording.
+                let is_gone = self.part.held == 0 || self.removed > 0;
                 if self.part.held == 0 {
                     let _ = self.disk.remove(self.part.number);
                 }
                 Losses {
                     chunks: self.lost + self.removed + waiting + unwritten,
                     unfinished: Some(format!("{}: {error}", self.disk.path(self.part.number).display())),
+                    is_gone,
                 }
             }
         }

@@ -70,3 +70,52 @@ fn a_full_disk_blocks_nothing_and_loses_nothing() {
     assert!(replay.status.success(), "{}", String::from_utf8_lossy(&replay.stderr));
     assert_eq!(hashes(&kept.join("out")), hashes(&again), "the recording is what was mapped");
 }
+
+/// A program that sees a disk of its own at DISK, too small for what it shall write; a list of what it left goes to LIST.
+const ON_A_TINY_DISK: &str =
+    "mount -t tmpfs -o size=300k tiny \"$DISK\"; \"$@\"; code=$?; ls -A \"$DISK\" >\"$LIST\"; exit $code";
+
+#[test]
+fn every_lost_file_is_named_the_recording_first() {
+    if !may_mount() {
+        println!("skipped: this machine lets nobody mount a small disk");
+        return;
+    }
+    let place = tempfile::tempdir().unwrap();
+    let [disk, list, port] = ["m", "list", "port"].map(|name| place.path().join(name));
+    std::fs::create_dir(&disk).unwrap();
+    let _robot = Plugged::new(&port, Device::new(Board::robot(1), 1));
+    let run = |options: &[&str]| {
+        let mut command = Command::new("unshare");
+        command.env("DISK", &disk).env("LIST", &list).env("XDG_CONFIG_HOME", "/nonexistent").current_dir(place.path());
+        command
+            .args(["-rm", "sh", "-c", ON_A_TINY_DISK, "sh", SLAMD, "--port", "port", "--duration", "14"])
+            .args(options);
+        if cfg!(feature = "viewer") {
+            command.args(["--viewer", "off"]);
+        }
+        let output = command.output().unwrap();
+        let error = String::from_utf8_lossy(&output.stderr).into_owned();
+        (output.status.code().unwrap(), error, std::fs::read_to_string(&list).unwrap())
+    };
+    // 100 MiB must stay free, so that nothing is recorded; and the map has no room.
+    let (code, error, left) = run(&["--record", "m/d.mcap", "--out", "m/ro", "--save-session", "m/home.session"]);
+    assert_eq!(code, 74, "{error}");
+    assert!(!left.contains("d.mcap"), "{left}");
+    let line_of =
+        |text: &str| error.lines().position(|line| line.contains(text)).unwrap_or_else(|| panic!("{text}: {error}"));
+    let recording = line_of("m/d.mcap: 0 MiB are free, and 100 must stay free: the recording is lost");
+    if !left.contains("home.session") {
+        assert!(recording < line_of("m/home.session: "), "{error}");
+    }
+    if error.contains("m/ro: lost: ") {
+        let last = error.lines().last().unwrap();
+        assert!(last.contains("summary.json") && last.contains("the disk is full"), "{error}");
+        assert!(recording < line_of("m/ro: lost: "), "{error}");
+    }
+    // A recording that has begun is not gone, but the run did not go well.
+    let (code, error, left) = run(&["--record", "m/d.mcap", "--record-free-mib", "0", "--out", "m/ro"]);
+    assert!(left.contains("d.mcap"), "{left}");
+    assert!(code == 73 || code == 74, "{code}: {error}");
+    println!("{error}");
+}

@@ -12,4 +12,5 @@ mod power_cut;
 mod recording;
 mod resume;
 mod ros2;
+mod same_name;
 mod session_file;

@@ -62,3 +62,37 @@ fn a_closed_pipe_is_no_failure() {
         assert!(folder.path().join(file).exists(), "{file} is missing");
     }
 }
+
+#[test]
+fn an_output_that_is_lost_is_a_failure() {
+    let folder = tempfile::tempdir().unwrap();
+    let slamd = |line: &str, to: Stdio| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_slamd"));
+        command.args(line.split(' ')).current_dir(folder.path()).env("XDG_CONFIG_HOME", folder.path());
+        command.stdin(Stdio::null()).stdout(to).stderr(Stdio::piped()).output().unwrap()
+    };
+    assert!(slamd("simulate --duration 20 --capture drive.mcap", Stdio::null()).status.success());
+    for line in [
+        "--help",
+        "--version",
+        "inspect drive.mcap",
+        "inspect drive.mcap --json",
+        "config show",
+        "ports",
+        "doctor --capture drive.mcap --json",
+        "replay drive.mcap --out replayed",
+        "replay drive.mcap --out replayed --json",
+    ] {
+        let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let output = slamd(line, full.into());
+        let error = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(74), "slamd {line}: {error}");
+        assert!(error.contains("slamd: standard output: the disk is full"), "slamd {line}: {error}");
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let (open, closed) = (slamd(line, Stdio::null()), slamd(line, writer.into()));
+        assert_eq!(closed.status, open.status, "slamd {line}: a closed pipe changes nothing");
+        assert!(!String::from_utf8_lossy(&closed.stderr).contains("standard output"), "slamd {line}");
+    }
+    assert!(folder.path().join("replayed/map.png").exists());
+}

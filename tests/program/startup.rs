@@ -80,3 +80,45 @@ fn a_session_that_is_a_pipe_is_named_before_the_map_begins() {
         assert!(code == 74 && said.contains("it is a pipe, not a file"), "{code}: {said}");
     }
 }
+
+#[test]
+fn what_a_run_cannot_use_is_named_before_the_wait_for_the_port() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    rustix::fs::mkfifoat(CWD, path("pipe"), Mode::RUSR | Mode::WUSR).unwrap();
+    std::fs::write(path("file"), "no session").unwrap();
+    std::fs::create_dir(path("held")).unwrap();
+    let held = File::open(path("held")).unwrap();
+    rustix::fs::flock(&held, rustix::fs::FlockOperation::NonBlockingLockExclusive).unwrap();
+    for (options, code, words) in [
+        (["--session", "pipe"], 74, "it is a pipe, not a file"),
+        (["--session", "/dev/zero"], 74, "it is a device, not a file"),
+        (["--resume", "pipe"], 74, "it is a pipe, not a file"),
+        (["--resume", "missing"], 66, "there is no such file"),
+        (["--localize", "/dev/zero"], 74, "it is a device, not a file"),
+        (["--localize", "file"], 65, "file: "),
+        (["--out", "held"], 73, "another slamd is writing into this folder"),
+        (["--out", "file"], 73, "is a file, not a folder"),
+        (["--out", "file/o"], 73, "it is a file, not a folder"),
+    ] {
+        let arguments = ["--port", "/dev/nowhere", "--duration", "0.2", options[0], options[1]];
+        let (ended, said) = ends(folder.path(), &arguments);
+        assert!(ended == code && said.contains(words), "{arguments:?}: {ended}: {said}");
+        assert!(!said.contains("/dev/nowhere"), "{arguments:?}: it has waited for the port: {said}");
+    }
+    // A folder on a disk that is read-only, for root too.
+    let script = "mount -t tmpfs -o ro none ro && exec \"$@\"";
+    std::fs::create_dir(path("ro")).unwrap();
+    let mut command = Command::new("unshare");
+    command.args(["-rm", "sh", "-c", script, "sh", env!("CARGO_BIN_EXE_slamd")]).current_dir(folder.path());
+    command.args(["--port", "/dev/nowhere", "--duration", "0.2", "--out"]).env("XDG_CONFIG_HOME", "/nonexistent");
+    let mount = Command::new("unshare").args(["-rm", "mount", "-t", "tmpfs", "none", "/mnt"]).status();
+    if mount.is_ok_and(|status| status.success()) {
+        let output = command.arg("ro/o").output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(73) && said.contains("the disk is read-only"), "{said}");
+    } else {
+        println!("skipped: this machine lets nobody mount a read-only disk");
+    }
+    assert!(!path("slamd-out").exists(), "nothing is created before the port is open");
+}

@@ -66,13 +66,17 @@ impl Identity {
     fn of(path: &Path) -> Self {
         match fs::metadata(path) {
             Ok(metadata) => Self::Inode(metadata.dev(), metadata.ino()),
-            Err(_) => {
-                let folder = folder_of(path);
-                let folder = folder.canonicalize().unwrap_or_else(|_| folder.into());
-                Self::Name(folder.join(path.file_name().unwrap_or_default()))
-            }
+            Err(_) => Self::Name(resolved(folder_of(path)).join(path.file_name().unwrap_or_default())),
         }
     }
+}
+
+/// The absolute path of a folder, of which the last parts need not exist yet.
+fn resolved(folder: &Path) -> PathBuf {
+    folder.canonicalize().unwrap_or_else(|_| match (folder.parent(), folder.file_name()) {
+        (Some(_), Some(name)) => resolved(folder_of(folder)).join(name),
+        _ => folder.into(),
+    })
 }
 
 impl OutputGuard {
@@ -95,11 +99,29 @@ impl OutputGuard {
         paths.into_iter().fold(self, Self::reads)
     }
 
-    /// The command creates this folder, with those above it, before it writes a file.
+    /// The command creates this folder, with those above it, before it writes a file; then it fills it with files of these names, which no
+    /// other output may have.
     #[must_use]
-    pub fn creates(mut self, folder: &Path) -> Self {
+    pub fn fills(mut self, folder: &Path, names: &[&str]) -> Self {
         self.folders.push(folder.into());
+        self.outputs.extend(names.iter().map(|name| Identity::of(&folder.join(name))));
         self
+    }
+
+    /// The command writes a file of this name by other means, which decide whether it may. No other output may have the name.
+    ///
+    /// # Errors
+    /// When another output has it.
+    pub fn claim(&mut self, path: &Path) -> Result<(), Refusal> {
+        if fs::metadata(path).is_ok_and(|metadata| is_stream(&metadata) || metadata.is_dir()) {
+            return Ok(());
+        }
+        let identity = Identity::of(path);
+        if self.outputs.contains(&identity) {
+            return Err(Refusal::Twice(path.into()));
+        }
+        self.outputs.push(identity);
+        Ok(())
     }
 
     /// True if existing files may be replaced.
@@ -313,13 +335,30 @@ mod tests {
         let missing = guard.output(&folder.path("nowhere/x")).unwrap_err();
         assert!(!missing.is_usage() && missing.to_string().contains("nowhere/x: No such file"), "{missing}");
         assert!(guard.output(&folder.path("old.mcap/x")).unwrap_err().to_string().contains("Not a directory"));
-        let mut coming = folder.guard(false).creates(&folder.path("a/out"));
+        let mut coming = folder.guard(false).fills(&folder.path("a/out"), &["map.png"]);
         coming.output(&folder.path("a/home.session")).unwrap();
         assert!(coming.output(&folder.path("b/home.session")).is_err());
         guard.output(&folder.path("new")).unwrap();
         assert!(matches!(guard.output(&folder.path("dir/../new")), Err(Refusal::Twice(_))));
         guard.output(Path::new("/dev/null")).unwrap().write(b"gone").unwrap();
         assert!(guard.output(Path::new("/dev/null")).is_ok(), "a device may be used twice");
+    }
+
+    #[test]
+    fn a_claimed_name_is_no_other_outputs() {
+        let folder = Folder::new();
+        let mut guard = folder.guard(true).fills(&folder.path("a/out"), &["map.png"]);
+        for name in ["old.mcap", "a/out/drive.mcap", "drive.csv"] {
+            guard.claim(&folder.path(name)).unwrap();
+            assert!(matches!(guard.claim(&folder.path(name)), Err(Refusal::Twice(_))), "{name}");
+        }
+        for name in ["./old.mcap", "a/out/map.png", "a/./out/map.png"] {
+            assert!(matches!(guard.output(&folder.path(name)), Err(Refusal::Twice(_))), "{name}");
+        }
+        guard.output(&folder.path("a/out/other.session")).unwrap();
+        for _ in 0..2 {
+            guard.claim(Path::new("/dev/null")).unwrap();
+        }
     }
 
     #[test]

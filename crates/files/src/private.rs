@@ -2,7 +2,7 @@
 //! in it are private.
 
 use crate::regular;
-use rustix::fs::OFlags;
+use rustix::fs::{Access, OFlags};
 use std::fs::{DirBuilder, File, OpenOptions, Permissions};
 use std::io::{self, ErrorKind};
 use std::os::unix::fs::{DirBuilderExt as _, MetadataExt as _, OpenOptionsExt as _, PermissionsExt as _};
@@ -55,6 +55,19 @@ pub fn create_new_file(path: &Path) -> io::Result<File> {
 /// When it cannot be created.
 pub fn create_folder(path: &Path) -> io::Result<()> {
     DirBuilder::new().recursive(true).mode(FOLDER).create(path)
+}
+
+/// Checks whether [`create_folder`] could create the folder, or files could be created in it if it exists. Creates nothing.
+///
+/// # Errors
+/// When it or the folder above it is none or may not be written.
+pub fn check_folder(path: &Path) -> io::Result<()> {
+    let mut above = path.ancestors().map(|it| if it.as_os_str().is_empty() { Path::new(".") } else { it });
+    let Some(there) = above.find(|it| it.symlink_metadata().is_ok()) else { return Ok(()) };
+    if !std::fs::metadata(there)?.is_dir() {
+        return Err(rustix::io::Errno::NOTDIR.into());
+    }
+    Ok(rustix::fs::access(there, Access::WRITE_OK | Access::EXEC_OK)?)
 }
 
 /// The first line of a [`secret`]: a password or a token.

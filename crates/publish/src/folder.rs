@@ -76,6 +76,17 @@ pub(super) struct ResultFolder {
 }
 
 impl ResultFolder {
+    /// Checks whether a run with a robot could open the folder now. Creates nothing.
+    pub(super) fn check(path: &Path, guard: &OutputGuard) -> Result<(), FolderError> {
+        guard.check_folder(path, &RESULTS)?;
+        if path.is_dir() {
+            drop(FolderLock::new(path, &RESULTS)?);
+        } else if path.exists() {
+            return Err(FolderError::Locked(LockError::NoFolder(path.into())));
+        }
+        private::check_folder(path).map_err(|source| FolderError::Write(WriteError { path: path.into(), source }))
+    }
+
     /// Creates the folder if it is not there, locks it, and decides about earlier results. None of them is touched yet.
     pub(super) fn open(path: &Path, source: Source, guard: &OutputGuard) -> Result<Self, FolderError> {
         private::create_folder(path).map_err(|source| match source.kind() {
@@ -237,8 +248,16 @@ mod tests {
             ResultFolder::open(folder.path(), robot(2), &guard),
             Err(FolderError::Locked(LockError::InUse(_)))
         ));
+        let before = ResultFolder::check(folder.path(), &guard).unwrap_err();
+        assert!(matches!(before, FolderError::Locked(LockError::InUse(_))));
         let file = folder.path().join("map.png");
         fs::write(&file, "").unwrap();
+        for (name, words) in [("map.png", "is a file, not a folder"), ("map.png/o", "Not a directory")] {
+            let error = ResultFolder::check(&folder.path().join(name), &guard).unwrap_err().to_string();
+            assert!(error.contains(words), "{error}");
+        }
+        ResultFolder::check(&folder.path().join("new/o"), &guard).unwrap();
+        assert!(!folder.path().join("new").exists(), "nothing is created");
         let error = ResultFolder::open(&file, robot(2), &guard).err().unwrap().to_string();
         assert!(error.contains("is a file, not a folder"), "{error}");
         let guard = OutputGuard::new(true).reads(&file);

@@ -92,6 +92,14 @@ impl Outputs {
         Self::begin(folder, Source::default(), &OutputGuard::new(true))
     }
 
+    /// Checks whether a run with a robot could begin in the folder now. Creates nothing.
+    ///
+    /// # Errors
+    /// When another run uses the folder, a file in it is an input, or it cannot be written.
+    pub fn check(folder: &Path, guard: &OutputGuard) -> Result<(), FolderError> {
+        ResultFolder::check(folder, guard)
+    }
+
     /// Creates the folder, if it is not there, and begins the files of a run from `source`. Until [`Outputs::checkpoint`] or
     /// [`Outputs::finish`] nothing that the folder holds is changed.
     ///

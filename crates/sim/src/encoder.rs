@@ -63,6 +63,22 @@ impl FromStr for EncoderFault {
     }
 }
 
+/// Writes the form that [`EncoderFault::from_str`] parses.
+impl std::fmt::Display for EncoderFault {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let wheel = match self.wheel {
+            Wheel::Left => "left",
+            Wheel::Right => "right",
+        };
+        let kind = match self.kind {
+            EncoderFaultKind::Dead => "dead",
+            EncoderFaultKind::Reversed => "reversed",
+        };
+        write!(f, "{wheel}:{kind}@{}s", self.from_s)?;
+        if self.until_s.is_finite() { write!(f, "-{}s", self.until_s) } else { Ok(()) }
+    }
+}
+
 /// Turns true counts into those of the faulty encoders.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Encoders {

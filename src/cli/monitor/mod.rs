@@ -92,7 +92,7 @@ impl MonitorArgs {
     }
 
     fn play(&self, file: &Path, log: Log, runtime: &Runtime, mut shutdown: Shutdown) -> Result<(), Failure> {
-        let saves = self.live.state.outputs(self.output.guard_of_recording(file))?;
+        let saves = self.live.state.outputs(self.output.guard_of_recording(file, self.output.out.as_deref()))?;
         // A capture that is only looked at leaves nothing behind, unless the user names a folder.
         let temporary = tempfile::tempdir().map_err(|error| {
             Failure::new(

@@ -1,0 +1,101 @@
+//! Two outputs of one command never have the same name, and a simulated drive replaces only itself.
+
+#![allow(clippy::unwrap_used, reason = "a test may")]
+
+use std::path::Path;
+use std::process::Command;
+
+const SLAMD: &str = env!("CARGO_BIN_EXE_slamd");
+
+/// The exit code and what the command says on standard error.
+fn slamd(folder: &Path, line: &str) -> (i32, String) {
+    let mut command = Command::new(SLAMD);
+    command.args(line.split(' ')).current_dir(folder).env("XDG_CONFIG_HOME", "/nonexistent");
+    let output = command.output().unwrap();
+    (output.status.code().unwrap(), String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+/// The command is refused, and writes nothing.
+fn refuses(folder: &Path, line: &str) {
+    let names = || {
+        let mut names: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        names.sort();
+        names
+    };
+    let before = names();
+    let (code, error) = slamd(folder, line);
+    assert_eq!(code, 64, "{line}: {error}");
+    assert!(error.contains("two outputs have this name"), "{line}: {error}");
+    assert_eq!(names(), before, "{line}");
+}
+
+#[test]
+fn a_session_does_not_replace_its_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = "--port nowhere --duration 0.1 --out o --record same.mcap";
+    for option in ["--save-session same.mcap", "--session ./same.mcap", "--save-calibration same.mcap"] {
+        refuses(folder.path(), &format!("{run} {option}"));
+    }
+    let (code, error) = slamd(folder.path(), &format!("{run} --save-session other.session"));
+    assert_eq!(code, 0, "{error}");
+}
+
+#[test]
+fn no_output_has_the_name_of_a_result() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    assert_eq!(slamd(here, "simulate --duration 5 --capture drive.mcap").0, 0);
+    let absolute = here.canonicalize().unwrap().join("o/map.yaml");
+    let absolute = absolute.to_str().unwrap();
+    for forced in ["", " --force"] {
+        for option in [
+            "--save-session o/summary.json",
+            "--session ./o/map.png",
+            "--save-session o/trajectory.tum",
+            &format!("--save-calibration {absolute}"),
+        ] {
+            refuses(here, &format!("replay drive.mcap --out o{forced} {option}"));
+            refuses(here, &format!("run --port nowhere --duration 0.1 --out ./o{forced} {option}"));
+        }
+        refuses(here, &format!("run --port nowhere --duration 0.1 --out o{forced} --record o/map.png"));
+        refuses(here, &format!("run --port nowhere --duration 0.1{forced} --record slamd-out/config.toml"));
+    }
+    let (code, error) = slamd(here, "replay drive.mcap --out o --save-session o/home.session");
+    assert!(code == 0 || code == 75, "{code}: {error}");
+    // The folder exists now, and so do its files.
+    for name in ["summary.json", "truth.tum", "map.png"] {
+        let before = std::fs::read(here.join("o").join(name)).ok();
+        refuses(here, &format!("replay drive.mcap --out o --force --save-session o/{name}"));
+        assert_eq!(std::fs::read(here.join("o").join(name)).ok(), before);
+    }
+}
+
+#[test]
+fn a_simulated_drive_replaces_only_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    let drive = "simulate --duration 1 --capture drive.mcap";
+    assert_eq!(slamd(here, drive).0, 0);
+    let made = std::fs::read(here.join("drive.mcap")).unwrap();
+    assert_eq!(slamd(here, drive).0, 0, "the same again");
+    assert_eq!(slamd(here, &format!("{drive} --sensors 32 --clock-drift 300 --beam cone")).0, 0, "the defaults");
+    for other in [
+        "--seed 2",
+        "--world room",
+        "--sensors 8",
+        "--beam point",
+        "--fault 3:stuck@0",
+        "--encoder-fault left:dead@0",
+        "--robot-fault ticks=2",
+        "--odometry-errors 0",
+        "--clock-drift 0",
+        "--bit-errors 0.001",
+    ] {
+        let (code, error) = slamd(here, &format!("{drive} {other}"));
+        assert_eq!(code, 73, "{other}: {error}");
+        assert!(error.contains("drive.mcap exists and is kept"), "{other}: {error}");
+        assert_eq!(std::fs::read(here.join("drive.mcap")).unwrap(), made, "{other}");
+    }
+    assert_eq!(slamd(here, &format!("{drive} --seed 2 --force")).0, 0);
+    assert_ne!(std::fs::read(here.join("drive.mcap")).unwrap(), made);
+}
