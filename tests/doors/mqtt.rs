@@ -72,6 +72,9 @@ fn home_assistant_finds_the_robot_and_its_end() {
     subscriber.expect("slamd/robot/link", b"streaming", SOON);
     subscriber.expect("slamd/robot/sensor/3", b"ON", SOON);
     subscriber.until(SOON, |it| it.told.contains_key("slamd/robot/map"));
+    // The first pose comes before the robot has driven.
+    let is_driven = |payload: &Vec<u8>| !["0", "0.0"].map(str::as_bytes).contains(&&payload[..]);
+    subscriber.until(SOON, |it| it.told.get("slamd/robot/distance").is_some_and(is_driven));
 
     // Messages are retained, so later subscribers receive them too; not the empty ones, which remove the sensors of a larger ring.
     let mut late = Subscriber::new(&broker, None);
