@@ -204,7 +204,8 @@ fn times_that_run_back_are_refused_by_writer_and_reader() {
     assert!(error.ends_with("back.mcap: time runs back from 2.000000 s to 1.000000 s"), "{error}");
     drop(writer);
 
-    let mut foreign = mcap::Writer::new(fs::File::create(&path).unwrap()).unwrap();
+    let plain = mcap::WriteOptions::new().compression(None);
+    let mut foreign = plain.create(fs::File::create(&path).unwrap()).unwrap();
     foreign.write_metadata(&info().to_metadata()).unwrap();
     let channel_id = foreign.add_channel(0, RECEIVED_TOPIC, "x", &BTreeMap::new()).unwrap();
     for log_time in [5_000_000_000, 4_000_000_000] {

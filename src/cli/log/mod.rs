@@ -27,7 +27,8 @@ pub(super) enum Format {
 /// The log of a live session.
 struct LiveLog {
     writer: LogWriter,
-    sums: Sums,
+    /// None if nothing is summed up.
+    sums: Option<Sums>,
 }
 
 static LIVE: OnceLock<LiveLog> = OnceLock::new();
@@ -35,7 +36,9 @@ static LIVE: OnceLock<LiveLog> = OnceLock::new();
 /// Starts the log on standard error. That of a live session blocks nothing and sums up what repeats; that of other commands is complete.
 pub(super) fn begin(format: Format, level: Option<Level>, is_live: bool) {
     let writer = is_live.then(LogWriter::to_stderr).flatten();
-    let limiter = writer.is_some().then(Limiter::begin);
+    // Who asks for more with -v gets all of it.
+    let is_limited = writer.is_some() && level.is_none_or(|level| level <= Level::INFO);
+    let limiter = is_limited.then(Limiter::begin);
     let to = || match &writer {
         Some(writer) => BoxMakeWriter::new(writer.clone()),
         None => BoxMakeWriter::new(std::io::stderr),
@@ -45,8 +48,8 @@ pub(super) fn begin(format: Format, level: Option<Level>, is_live: bool) {
         lines(to()).with_ansi(is_terminal).with_target(false)
     });
     let json = (format == Format::Json).then(|| lines(to()).json().flatten_event(true));
-    if let (Some(writer), Some(limiter)) = (&writer, &limiter) {
-        let _ = LIVE.set(LiveLog { writer: writer.clone(), sums: limiter.sums() });
+    if let Some(writer) = &writer {
+        let _ = LIVE.set(LiveLog { writer: writer.clone(), sums: limiter.as_ref().map(Limiter::sums) });
     }
     let (filter, warning) = match level {
         Some(level) => (of_level(level), None),
@@ -81,7 +84,7 @@ pub(super) fn end(format: Format, failure: &Failure) {
 /// Writes the rest of a live session's log, but does not wait long for a reader that hangs.
 pub(super) fn finish() {
     if let Some(live) = LIVE.get() {
-        live.sums.finish();
+        live.sums.iter().for_each(Sums::finish);
         live.writer.finish();
     }
 }

@@ -1,7 +1,18 @@
 //! The heading as the walls measure it: on each wall, how the misfits of its beams grow with a turn.
 
 use super::ekf_slam::{Association, EkfSlam};
-use crate::orientation::axis_tracker::Turn;
+
+/// How far the heading was off an axis that was read from the way behind the robot.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct AxisReading {
+    /// The axis's heading less the filter's, radians.
+    pub(crate) angle_rad: f64,
+    /// Its variance as one of the readings of a window, rad², if the wheels are right; and as the only one.
+    pub(crate) variance: f64,
+    pub(crate) window_variance: f64,
+    /// The way ahead from the middle of the window to the robot, metres, and the turn on it, radians.
+    pub(crate) lag: [f64; 2],
+}
 
 /// The heading as the walls measure it.
 struct HeadingObservation {
@@ -30,7 +41,7 @@ impl EkfSlam {
     }
 
     /// Corrects the heading with the building's axis.
-    pub(crate) fn correct_heading(&mut self, turn: &Turn) {
+    pub(crate) fn correct_heading(&mut self, turn: &AxisReading) {
         let [ahead_m, turned_rad] = turn.lag;
         let way_m = libm::hypot(ahead_m, 0.5 * self.filter.nominal.wheel_base_m * turned_rad);
         let wheels = self.filter.wheel_heading_variance(way_m);

@@ -6,7 +6,7 @@ mod ekf_slam_state;
 pub(crate) mod filter;
 mod filter_heading;
 mod filter_state;
-mod heading_update;
+pub(crate) mod heading_update;
 mod inactive_landmarks;
 mod innovation_whiteness;
 pub(crate) mod landmark_initializer;

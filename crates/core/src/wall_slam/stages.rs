@@ -15,11 +15,12 @@ use crate::fault::detector::Detector;
 use crate::fault::encoder::{EncoderChange, EncoderWatch};
 use crate::geometry::{Placement, Pose2, Ring};
 use crate::mapping::grid::OccupancyGrid;
-use crate::orientation::axis_tracker::AxisTracker;
+use crate::orientation::axis_tracker::{AxisTracker, Turn};
 use crate::orientation::dominant_directions::DominantDirections;
 use crate::params;
 use crate::position;
 use crate::position::ekf_slam::EkfSlam;
+use crate::position::heading_update::AxisReading;
 use crate::robot_model::{ModelAspect, ModelEvent, ModelFinding, ModelState};
 use crate::sweep::{Beam, Sweep};
 use crate::time::Timestamp;
@@ -188,7 +189,8 @@ impl Stages {
             self.axis_monitor.compare(off_rad, sweep, &self.params);
         }
         if let Some(turn) = self.axis.read(heading_rad) {
-            ekf.correct_heading(&turn);
+            let Turn { angle_rad, variance, window_variance, lag } = turn;
+            ekf.correct_heading(&AxisReading { angle_rad, variance, window_variance, lag });
         }
     }
 

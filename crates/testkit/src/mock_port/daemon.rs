@@ -15,8 +15,13 @@ pub struct Daemon {
 
 impl Daemon {
     pub fn start(port: &str, out: &Path) -> Self {
+        Self::start_with(port, out, &[])
+    }
+
+    /// The same with further options.
+    pub fn start_with(port: &str, out: &Path, options: &[&str]) -> Self {
         let mut command = Command::new(crate::program());
-        command.arg("--port").arg(port).arg("--out").arg(out);
+        command.arg("--port").arg(port).arg("--out").arg(out).args(options);
         if cfg!(feature = "viewer") {
             command.args(["--viewer", "off"]);
         }

@@ -26,7 +26,8 @@ const ABSENCE: Duration = Duration::from_secs(5);
 pub fn replug(cycles: u64, mut progress: impl FnMut()) -> Replugs {
     let folder = tempfile::tempdir().expect("a folder");
     let port = folder.path().join("robot");
-    let mut daemon = Daemon::start(port.to_str().expect("plain"), &folder.path().join("out"));
+    // With -v the log does not sum up what repeats.
+    let mut daemon = Daemon::start_with(port.to_str().expect("plain"), &folder.path().join("out"), &["-v"]);
     let mut device = Device::new(Board::robot(1), 1);
     let mut measured = Replugs { recovered_ms: Vec::new(), descriptors: [0; 2], resident_kib: [0; 2], absent_cpu: 0.0 };
     for cycle in 0..cycles {
