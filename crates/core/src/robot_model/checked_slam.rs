@@ -235,10 +235,13 @@ impl CheckedSlam {
         for sweep in history.sweeps() {
             again.retain(|event| matches!(event, Event::Fault(_) | Event::Localization(_)));
             self.follow(&sweep, &mut again);
-            poses.extend(
-                again.iter().filter_map(|event| if let Event::Estimate(pose) = event { Some(*pose) } else { None }),
-            );
-            again.retain(|event| !matches!(event, Event::Estimate(_)));
+            again.retain(|event| match event {
+                Event::Estimate(pose) => {
+                    poses.push(*pose);
+                    false
+                }
+                _ => true,
+            });
         }
         self.history = history;
         (again, poses)
