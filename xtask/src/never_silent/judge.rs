@@ -4,6 +4,7 @@
 //! frame, and no localization event calls it uncertain. A drive is, if its poses are so for [`SILENT_S`] without a break.
 
 use super::drive::{Case, Trace};
+use super::kind::Kind;
 use super::moved::{Moved, moved};
 use nalgebra::Vector3;
 use slamd_core::{Estimate, LocalizationEvent, ModelState, Pose2, Timestamp, wrap_angle};
@@ -98,7 +99,7 @@ pub(super) fn judge(case: &Case, trace: &Trace) -> Verdict {
         noticed_m: noticed.map(|at| driven_m(&sweeps, at.seconds())),
         finding: first_finding
             .map(|event| (event.finding.aspect.word(), case.kind.causes().contains(&event.finding.aspect))),
-        is_false_alarm: case.kind.causes().is_empty() && (first_finding.is_some() || has_false_alarm(&sweeps)),
+        is_false_alarm: case.kind == Kind::Nominal && (first_finding.is_some() || has_false_alarm(&sweeps)),
         scale: scale(&trace.pairs, &sweeps),
         moved: if case.kind.is_moved() { moved(case.kind, &trace.pairs, &sweeps, &trace.localization) } else { None },
     }

@@ -6,11 +6,13 @@
 mod patch;
 mod ray;
 mod saved;
+mod undo;
 mod whole;
 
 pub use patch::{MapChange, Patch, percents};
 pub(crate) use ray::Reader;
 
+use self::undo::Undo;
 use super::params::Params;
 use crate::geometry::Point;
 use rustc_hash::FxHashMap;
@@ -59,6 +61,8 @@ struct Tile {
     normal: [[u32; 2]; TILE],
     /// The grid's revision at the last change.
     revision: u64,
+    /// The number of the mark that holds a copy of it.
+    mark: u64,
 }
 
 impl Tile {
@@ -86,6 +90,7 @@ pub struct OccupancyGrid {
     extent: Option<[[i32; 2]; 2]>,
     refused: u64,
     revision: u64,
+    undo: Option<Box<Undo>>,
 }
 
 impl OccupancyGrid {
@@ -108,6 +113,7 @@ impl OccupancyGrid {
             extent: None,
             refused: 0,
             revision: 0,
+            undo: None,
         }
     }
 
@@ -222,13 +228,22 @@ impl OccupancyGrid {
                     return None;
                 };
                 self.extent = Some(extent);
-                self.tiles.push(Box::new(Tile { cells: [0; TILE * TILE], normal: [[0; 2]; TILE], revision: 0 }));
+                self.tiles.push(Box::new(Tile {
+                    cells: [0; TILE * TILE],
+                    normal: [[0; 2]; TILE],
+                    revision: 0,
+                    mark: 0,
+                }));
                 self.indices.insert(key, index);
                 index
             }
         };
         self.recent = Some((key, index));
-        self.tiles[index].revision = self.revision;
+        let tile = &mut *self.tiles[index];
+        tile.revision = self.revision;
+        if let Some(undo) = &mut self.undo {
+            undo.keep(index, tile);
+        }
         Some(index)
     }
 

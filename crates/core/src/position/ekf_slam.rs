@@ -18,8 +18,8 @@ use super::params::{BeamParams, Params};
 use super::range_noise::RangeNoise;
 use super::wheel_agreement::WheelAgreement;
 use crate::event::Calibration;
-use crate::geometry::{Placement, Pose2, nearest_quarter};
-use crate::sweep::{Beam, Sweep};
+use crate::geometry::{Placement, Pose2};
+use crate::sweep::Sweep;
 use nalgebra::SVector;
 
 /// One wall; its offset is in the filter under the same index.
@@ -36,6 +36,8 @@ pub struct WallLandmark {
     pub(super) last_sweep: u64,
     /// The sweep that initialized it; none where it comes from a saved state.
     pub(super) first_sweep: Option<u64>,
+    /// Readings that contradict it, less those that confirm it, since the localization monitor began.
+    pub(super) against: i32,
 }
 
 /// The data association of a beam.
@@ -64,8 +66,8 @@ pub struct EkfSlam {
     pub(super) wall_of_beam: Vec<Option<usize>>,
     /// The walls that this sweep observes, each once.
     pub(super) observed: Vec<usize>,
-    /// The range that each beam must measure, metres.
-    expected_m: Vec<Option<f64>>,
+    /// The range that each beam must measure, metres, and the wall that says so.
+    pub(super) expected: Vec<Option<(f64, usize)>>,
     pub(super) monitor: LocalizationMonitor,
     pub(super) whiteness: InnovationWhiteness,
     pub(super) stated_errors: StatedErrors,
@@ -96,7 +98,7 @@ impl EkfSlam {
             associations: Vec::new(),
             wall_of_beam: Vec::new(),
             observed: Vec::new(),
-            expected_m: Vec::new(),
+            expected: Vec::new(),
             monitor: LocalizationMonitor::new(params.monitor),
             whiteness: InnovationWhiteness::new(params.whiteness),
             stated_errors: StatedErrors::new(params.whiteness),
@@ -136,43 +138,6 @@ impl EkfSlam {
     pub fn predict(&mut self, left_m: f64, right_m: f64) {
         self.filter.predict(left_m, right_m);
         self.agreement.roll(&self.filter.nominal, left_m, right_m);
-    }
-
-    /// Predicts the range of each beam whose cone squarely holds a well-known wall.
-    pub fn predict_ranges(&mut self, sweep: &Sweep) {
-        self.expected_m.clear();
-        let pose = Placement::from(self.filter.pose());
-        for beam in &sweep.beams {
-            self.expected_m.push(self.predict_range(pose, beam));
-        }
-    }
-
-    /// The predicted range of one sensor, metres.
-    #[must_use]
-    pub fn expected_range_m(&self, sensor: usize) -> Option<f64> {
-        self.expected_m.get(sensor).copied().flatten()
-    }
-
-    fn predict_range(&self, pose: Placement, beam: &Beam) -> Option<f64> {
-        let params = &self.params.slam;
-        let sensor = pose * beam.robot_from_sensor;
-        let (quarter, off_rad) = nearest_quarter(sensor.theta_rad);
-        if off_rad.abs() > params.expect_cone_share * beam.half_angle_rad.max(params.min_expect_rad) {
-            return None;
-        }
-        let side = Side::ALL[quarter];
-        let (across_m, along_m) = side.split(sensor.position());
-        let mut nearest: Option<f64> = None;
-        for (index, wall) in self.walls.iter().enumerate() {
-            let is_known = wall.side == side && wall.hits >= params.well_known_hits;
-            let inset_m = params.expect_inset_m;
-            let faces = is_known && along_m > wall.lo_m + inset_m && along_m < wall.hi_m - inset_m;
-            let depth_m = side.sign() * (self.filter.offset_m(index) - across_m);
-            if faces && depth_m > params.min_expected_m {
-                nearest = Some(nearest.map_or(depth_m, |n: f64| n.min(depth_m)));
-            }
-        }
-        nearest
     }
 
     /// Corrects the pose with the beams that `is_trusted`. Adds walls from the unexplained ones where `may_add_walls`.
@@ -233,7 +198,14 @@ impl EkfSlam {
                 let is_known = wall.is_some_and(|wall| self.walls[wall].hits >= self.params.slam.well_known_hits);
                 let noise_m = self.params.noise.error_sigmas * self.beam.range_sigma_m;
                 let is_off = |expected_m: &f64| (beam.range_m - expected_m).abs() > noise_m;
-                self.monitor.add(is_known, self.expected_range_m(sensor).filter(is_off), beam.range_m);
+                let expected =
+                    self.expected.get(sensor).copied().flatten().filter(|(expected_m, _)| is_off(expected_m));
+                let contradicts = self.monitor.add(is_known, expected.map(|(expected_m, _)| expected_m), beam.range_m);
+                if let Some(wall) = wall {
+                    self.walls[wall].against -= 1;
+                } else if let Some((_, wall)) = expected.filter(|_| contradicts) {
+                    self.walls[wall].against += 1;
+                }
             }
             self.associations.push(match (observation, wall) {
                 (Some(observation), Some(_)) => Association::Wall(observation),
@@ -335,9 +307,16 @@ impl EkfSlam {
             let variance = self.params.slam.same_noise_m2() + new.mean_variance(sigma_m, self.params.noise.usual_m);
             if self.filter.add(new.offset_m, &h_robot, variance).is_some() {
                 let (lo_m, hi_m, now) = (new.lo_m, new.hi_m, sweep.index);
-                let wall =
-                    WallLandmark { side: new.side, lo_m, hi_m, hits: 1, last_sweep: now, first_sweep: Some(now) };
-                self.walls.push(wall);
+                let (last_sweep, first_sweep) = (now, Some(now));
+                self.walls.push(WallLandmark {
+                    side: new.side,
+                    lo_m,
+                    hi_m,
+                    hits: 1,
+                    last_sweep,
+                    first_sweep,
+                    against: 0,
+                });
             }
         }
     }
@@ -373,6 +352,7 @@ impl EkfSlam {
                 self.walls[a].hi_m = one.hi_m.max(other.hi_m);
                 self.walls[a].hits = one.hits.saturating_add(other.hits);
                 self.walls[a].first_sweep = one.first_sweep.min(other.first_sweep);
+                self.walls[a].against = one.against.saturating_add(other.against);
                 self.walls.swap_remove(b);
                 return;
             }

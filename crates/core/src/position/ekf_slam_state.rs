@@ -75,6 +75,14 @@ impl WallLandmark {
         if !(saved.lo_m.abs() < 1e6 && saved.hi_m.abs() < 1e6) {
             return Err(InvalidState("a wall's extent is out of range"));
         }
-        Ok(Self { side, lo_m: saved.lo_m, hi_m: saved.hi_m, hits: saved.hits, last_sweep: 0, first_sweep: None })
+        Ok(Self {
+            side,
+            lo_m: saved.lo_m,
+            hi_m: saved.hi_m,
+            hits: saved.hits,
+            last_sweep: 0,
+            first_sweep: None,
+            against: 0,
+        })
     }
 }

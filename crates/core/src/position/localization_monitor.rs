@@ -31,14 +31,15 @@ impl LocalizationMonitor {
         Self { params, ..Self::default() }
     }
 
-    /// Adds a reading: whether a well-known wall explains it, and the range at which a wall must be measured.
-    pub fn add(&mut self, is_explained: bool, expected_m: Option<f64>, range_m: f64) {
+    /// Adds a reading: whether a well-known wall explains it, and the range at which a wall must be measured. True if it contradicts.
+    pub fn add(&mut self, is_explained: bool, expected_m: Option<f64>, range_m: f64) -> bool {
         let is_off = |expected_m: f64| (range_m - expected_m).abs() > self.params.max_error_m;
         let contradicts = !is_explained && expected_m.is_some_and(is_off);
         if is_explained || contradicts {
             self.short_term.add(contradicts, self.params.short_readings);
             self.long_term.add(contradicts, self.params.long_readings);
         }
+        contradicts
     }
 
     /// Forgets all readings.

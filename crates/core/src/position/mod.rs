@@ -12,6 +12,7 @@ mod innovation_whiteness;
 pub(crate) mod landmark_initializer;
 pub(crate) mod localization_monitor;
 pub(crate) mod params;
+mod predicted_ranges;
 mod range_noise;
 pub(crate) mod relocalize;
 mod relocation;

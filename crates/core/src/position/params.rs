@@ -116,6 +116,7 @@ impl Default for FilterParams {
 /// | `expect_cone_share` | 0.7 | - | by hand | too large: ranges are predicted where the cone's edge may miss |
 /// | `min_expect_rad` | 0.1 | rad | by hand, for point beams | too small: point beams hardly ever test the map |
 /// | `expect_inset_m` | 0.1 | m | by hand | too small: the ends of walls contradict the map |
+/// | `unlearnt_readings` | 8 | readings | by hand: half a sweep of a ring of 16 | too small: a wall behind a passing person is unlearnt; too large: a wall that is not there declares a found robot lost again |
 /// | `min_expected_m` | 0.05 | m | by hand | a robot that touches a wall predicts ranges that no sensor measures |
 /// | `same_wall_m` | 0.07 | m | by hand | too small: walls double; too large: a door and its frame merge |
 /// | `same_gap_m` | 0.6 | m | by hand | too small: a wall stays in pieces; too large: rooms that nearly align are made to |
@@ -138,6 +139,7 @@ pub struct SlamParams {
     pub margin_m: f64,
     pub max_extension_rad: f64,
     pub well_known_hits: u32,
+    pub unlearnt_readings: i32,
     pub expect_cone_share: f64,
     pub min_expect_rad: f64,
     pub expect_inset_m: f64,
@@ -165,6 +167,7 @@ impl Default for SlamParams {
             margin_m: 0.15,
             max_extension_rad: 0.1,
             well_known_hits: 15,
+            unlearnt_readings: 8,
             expect_cone_share: 0.7,
             min_expect_rad: 0.1,
             expect_inset_m: 0.1,

@@ -52,8 +52,15 @@ impl EkfSlam {
         self.agreement.reset();
     }
 
+    /// Unlearns the walls that most readings since [`EkfSlam::reset_monitor`] contradict: the pose is right, so they are not there.
+    pub fn unlearn_contradicted_walls(&mut self) {
+        let limit = self.params.slam.unlearnt_readings;
+        self.walls.iter_mut().filter(|wall| wall.against >= limit).for_each(|wall| wall.hits = 0);
+    }
+
     /// Forgets the readings that contradicted the map, and what the walls did to the pose meanwhile.
     pub fn reset_monitor(&mut self) {
+        self.walls.iter_mut().for_each(|wall| wall.against = 0);
         self.monitor.reset();
         self.agreement.reset();
     }

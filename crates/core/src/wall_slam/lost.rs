@@ -4,6 +4,7 @@ use super::Mode;
 use super::encoder_fault::{self, Response};
 use super::initializing::Following;
 use super::odometry_outage::unknown_within;
+use super::place::jump::Hands;
 use super::place::search::{Find, PlaceSearch};
 use super::relocalizing::Relocalizing;
 use super::stages::Stages;
@@ -38,13 +39,15 @@ impl Lost {
     pub(super) fn begin(
         corrected: &Corrected<'_>,
         onset: (u64, Timestamp),
-        stages: &Stages,
+        stages: &mut Stages,
         events: &mut Vec<Event>,
     ) -> Box<PlaceSearch> {
+        stages.grid.take_back(onset.0);
         let (pose, at) = (corrected.robot.ekf.filter.pose(), corrected.sweep.at);
         let change = LocalizationChange::Lost;
         events.push(Event::Localization(LocalizationEvent { at, since: onset.1, change }));
-        Box::new(PlaceSearch::new(onset, pose, &stages.trail, &stages.scene()))
+        let is_carried = stages.place.hands() == Some(Hands::Carried);
+        Box::new(PlaceSearch::new(onset, pose, is_carried, &stages.trail, &stages.scene()))
     }
 
     pub(super) fn update(self, sweep: &Sweep, stages: &mut Stages, events: &mut Vec<Event>) -> Mode {
@@ -72,9 +75,9 @@ impl Lost {
         events: &mut Vec<Event>,
     ) -> Following {
         let Some(trial) = trial else {
-            let (mut corrected, is_carried) = predicted.hold(judged, stages);
-            if is_carried {
-                search.restart(&stages.trail);
+            let (mut corrected, hands) = predicted.hold(judged, stages);
+            if let Some(hands) = hands {
+                search.restart(hands, &stages.trail);
             }
             let found = stages.search(&mut search);
             let trial = found.map(|find| Box::new(Trial::begin(&mut corrected.robot, &find, search.since_sweep)));
@@ -90,6 +93,10 @@ impl Lost {
                 let Trial { moved_m, turned_rad, .. } = *trial;
                 let (at, since) = (corrected.sweep.at, search.since);
                 let change = LocalizationChange::Regained { moved_m, turned_rad };
+                if trial.is_unmoved(stages) {
+                    stages.grid.restore_taken_back();
+                }
+                corrected.robot.ekf.unlearn_contradicted_walls();
                 corrected.robot.ekf.reset_monitor();
                 events.push(Event::Localization(LocalizationEvent { at, since, change }));
                 Following::Tracking(Tracking { robot: corrected.publish(None, events) })
@@ -128,6 +135,12 @@ impl Trial {
         Self { ekf, is_near: find.is_near, moved_m, turned_rad }
     }
 
+    /// Whether the robot never was elsewhere: what it drew was right.
+    fn is_unmoved(&self, stages: &Stages) -> bool {
+        let params = &stages.params;
+        self.moved_m < params.same_pose_m && self.turned_rad.abs() < params.same_pose_rad
+    }
+
     /// Whether the pose is right; none while that is open.
     fn verdict(&self, stages: &Stages) -> Option<bool> {
         let (search, record) = (&stages.place_params.search, stages.place.record());
@@ -135,7 +148,7 @@ impl Trial {
             return Some(false);
         }
         let (min_way_m, min_explained, min_told) = if self.is_near {
-            (search.near_trial_m, search.min_near_explained, 0.0)
+            (search.near_trial_m, search.near_trial_explained, search.near_trial_told)
         } else {
             (search.trial_m, search.trial_explained, search.trial_told)
         };

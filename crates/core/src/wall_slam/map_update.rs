@@ -21,6 +21,7 @@ impl Stages {
         }
         let pose = Placement::from(ekf.filter.pose());
         self.grid.revise();
+        self.mark_map(sweep);
         for (sensor, (beam, association)) in sweep.beams.iter().zip(ekf.associations()).enumerate() {
             let clears = (sweep.index + sensor as u64).is_multiple_of(self.params.clearing_sweeps);
             let (range_m, kind) = match association {

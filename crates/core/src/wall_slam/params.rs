@@ -19,6 +19,8 @@
 /// | `catch_up_sweeps` | 8 | sweeps | not measured since the first version | Too small: the first poses come late. Too large: a sweep takes longer than the time to the next |
 /// | `max_axis_off_rad` | 8 | degrees | by hand: more than wheels drift in a window | Too small: slanted furniture raises a doubt. Too large: a wrong heading is silent |
 /// | `axis_fits` | 3 | windows | by design: 3 m with one axis | Too small: a building of slanted walls raises doubts. Too large: a heading that is lost early is silent |
+/// | `mark_m` | 0.1 | m | by hand: sixteen marks are kept, so that what was drawn on the last 1.6 m can be taken back | Too small: what a pushed robot draws before that is noticed stays. Too large: good parts of the map are taken back |
+/// | `mark_s` | 0.5 | s | by hand: of a robot that stands, the last eight seconds | As `mark_m` |
 /// | `clearing_sweeps` | 8 | sweeps | not measured since the first version | Too small: time is wasted. Too large: moved furniture stays in the map |
 /// | `on_wall_m` | 0.06 | m | not measured since the first version | Too small: walls are drawn thick. Too large: furniture near a wall disappears into it |
 /// | `beyond_wall_end_m` | 1 | m | not measured since the first version | Too small: walls grow slowly. Too large: a wall is drawn across an opening |
@@ -72,6 +74,10 @@ pub struct Params {
     pub axis_fits: usize,
     /// A sensor clears its cone in one of so many sweeps.
     pub clearing_sweeps: u64,
+    /// What is drawn can be taken back in parts of so many metres,
+    pub mark_m: f64,
+    /// or seconds.
+    pub mark_s: f64,
     /// A return this near a known wall's line is that wall's, metres.
     pub on_wall_m: f64,
     /// It may lie this far beyond the end of the wall, metres.
@@ -138,6 +144,8 @@ impl Default for Params {
             max_axis_off_rad: 8.0 * std::f64::consts::PI / 180.0,
             axis_fits: 3,
             clearing_sweeps: 8,
+            mark_m: 0.1,
+            mark_s: 0.5,
             on_wall_m: 0.06,
             beyond_wall_end_m: 1.0,
             ray_offsets: [0.0, -1.0, 1.0, -0.5, 0.5],

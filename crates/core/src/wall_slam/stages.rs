@@ -4,7 +4,7 @@ use super::axis_monitor::AxisMonitor;
 use super::doubts::{Doubt, Doubts};
 use super::expected_range;
 use super::params::Params;
-use super::place::jump::JumpDetector;
+use super::place::jump::{Hands, JumpDetector};
 use super::place::monitor::{PlaceMonitor, Scene};
 use super::place::params::Params as PlaceParams;
 use super::place::search::{Find, PlaceSearch};
@@ -41,6 +41,8 @@ pub(super) struct Stages {
     /// Scratch of the initializer and the relocalizer, which lay out all returns anew for each search.
     pub(super) finder: DominantDirections,
     pub(super) grid: OccupancyGrid,
+    /// The way and the time of its last mark.
+    marked: (f64, Timestamp),
     /// True if the ring has enough sensors to correct the pose.
     pub(super) can_correct: bool,
     /// True if the ring has enough sensors to tell clutter from another location.
@@ -76,6 +78,7 @@ impl Stages {
             axis_monitor: AxisMonitor::default(),
             finder,
             grid: OccupancyGrid::with_params(config.map.cell_m, params.mapping),
+            marked: (f64::NEG_INFINITY, Timestamp::default()),
             can_correct: ring.len() >= params.wall_slam.min_sensors_to_correct,
             can_detect_loss: ring.len() >= params.wall_slam.min_sensors_to_detect_loss,
             last_agreement: (0, Timestamp::default()),
@@ -137,17 +140,17 @@ impl Stages {
         Scene { grid: &self.grid, max_range_m: self.max_range_m, params: &self.place_params }
     }
 
-    /// Keeps a sweep's readings after a motion by the wheels. Returns the way of it, metres; none if the robot was carried.
-    pub(super) fn follow_way(&mut self, sweep: &Sweep, step: Pose2) -> Option<f64> {
+    /// Keeps a sweep's readings after a motion by the wheels. Returns the way of it, metres, unless hands moved the robot.
+    pub(super) fn follow_way(&mut self, sweep: &Sweep, step: Pose2) -> Result<f64, Hands> {
         let is_trusted = |sensor| self.detector.is_trusted(sensor);
-        let is_carried = self.jumps.add(sweep, step, is_trusted);
-        if is_carried {
+        let hands = self.jumps.add(sweep, step, is_trusted);
+        if hands.is_some() {
             self.trail.clear();
             self.axis.clear();
         }
         self.axis.add(sweep, step, is_trusted);
         let way_m = self.trail.add(sweep, step, is_trusted);
-        (!is_carried).then_some(way_m)
+        hands.map_or(Ok(way_m), Err)
     }
 
     /// Forgets the readings of the last metres: the wheels were wrong.
@@ -159,8 +162,11 @@ impl Stages {
     }
 
     /// Compares a sweep seen from `pose` with the map.
-    pub(super) fn check_place(&mut self, sweep: &Sweep, pose: Pose2, way_m: Option<f64>) {
-        let Some(way_m) = way_m else { return self.place.jump() };
+    pub(super) fn check_place(&mut self, sweep: &Sweep, pose: Pose2, way_m: Result<f64, Hands>) {
+        let way_m = match way_m {
+            Ok(way_m) => way_m,
+            Err(hands) => return self.place.jump(hands, self.jumps.before()),
+        };
         let scene = Scene { grid: &self.grid, max_range_m: self.max_range_m, params: &self.place_params };
         self.place.add(&scene, sweep, pose, way_m, |sensor| self.detector.is_trusted(sensor));
     }
@@ -191,6 +197,15 @@ impl Stages {
         if let Some(turn) = self.axis.read(heading_rad) {
             let Turn { angle_rad, variance, window_variance, lag } = turn;
             ekf.correct_heading(&AxisReading { angle_rad, variance, window_variance, lag });
+        }
+    }
+
+    /// Marks the map from time to time: what is drawn after a mark can be taken back.
+    pub(super) fn mark_map(&mut self, sweep: &Sweep) {
+        let (way_m, at) = self.marked;
+        if self.trail.way_m() - way_m >= self.params.mark_m || sweep.at.seconds_since(at) >= self.params.mark_s {
+            self.marked = (self.trail.way_m(), sweep.at);
+            self.grid.mark(sweep.index);
         }
     }
 

@@ -4,6 +4,7 @@
 //! or without its wheels, and nothing is drawn from an uncorrected pose.
 
 use super::params::Params;
+use super::place::jump::Hands;
 use super::pose_history::PoseHistory;
 use super::stages::Stages;
 use super::tracking::LearningPermit;
@@ -103,16 +104,16 @@ impl Predicted {
 
     /// Leaves the pose where the wheels put it: the walls around it are not those that the map has there.
     ///
-    /// Tells whether the robot was carried again, too.
-    pub(super) fn hold<'s>(mut self, judged: &Judged<'s>, stages: &mut Stages) -> (Corrected<'s>, bool) {
+    /// Tells what hands did to the robot meanwhile, too.
+    pub(super) fn hold<'s>(mut self, judged: &Judged<'s>, stages: &mut Stages) -> (Corrected<'s>, Option<Hands>) {
         let sweep = judged.sweep;
-        let is_carried = stages.follow_way(sweep, self.robot.step).is_none();
+        let hands = stages.follow_way(sweep, self.robot.step).err();
         // Wherever the robot is, the building's axis is the same.
-        if stages.can_correct && !is_carried {
+        if stages.can_correct && hands.is_none() {
             stages.check_heading(&mut self.robot.ekf, sweep);
         }
         self.robot.ekf.ignore_sweep();
-        (Corrected { robot: self.robot, sweep }, is_carried)
+        (Corrected { robot: self.robot, sweep }, hands)
     }
 }
 

@@ -4,6 +4,16 @@
 use super::params::Params;
 use crate::geometry::Pose2;
 use crate::sweep::Sweep;
+use crate::time::Timestamp;
+
+/// What hands did to the robot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::wall_slam) enum Hands {
+    /// Moved it a little: it stands near where the filter believes it is.
+    Pushed,
+    /// Carried it: it may be anywhere.
+    Carried,
+}
 
 /// Compares the readings of two sweeps in a row.
 #[derive(Clone, Debug)]
@@ -14,6 +24,8 @@ pub(in crate::wall_slam) struct JumpDetector {
     rest_m: Vec<Option<f64>>,
     /// Sweeps in a row in which the readings differ from those.
     shifted: u32,
+    /// The last sweep before these.
+    before: (u64, Timestamp),
     range_sigma_m: f64,
     params: Params,
 }
@@ -21,7 +33,12 @@ pub(in crate::wall_slam) struct JumpDetector {
 impl JumpDetector {
     pub(in crate::wall_slam) fn new(sensors: usize, params: &Params) -> Self {
         let (ranges_m, rest_m) = (vec![None; sensors], vec![None; sensors]);
-        Self { ranges_m, rest_m, shifted: 0, range_sigma_m: 0.0, params: *params }
+        Self { ranges_m, rest_m, shifted: 0, before: (0, Timestamp::default()), range_sigma_m: 0.0, params: *params }
+    }
+
+    /// The last sweep before hands moved the robot.
+    pub(in crate::wall_slam) const fn before(&self) -> (u64, Timestamp) {
+        self.before
     }
 
     /// Takes the noise of the readings, metres.
@@ -29,8 +46,14 @@ impl JumpDetector {
         self.range_sigma_m = range_sigma_m;
     }
 
-    /// Adds a sweep after the robot moved by `step`, as its wheels say. True if the readings have jumped.
-    pub(in crate::wall_slam) fn add(&mut self, sweep: &Sweep, step: Pose2, is_trusted: impl Fn(usize) -> bool) -> bool {
+    /// Adds a sweep after the robot moved by `step`, as its wheels say. Tells what hands did to it meanwhile, if the readings
+    /// show any.
+    pub(in crate::wall_slam) fn add(
+        &mut self,
+        sweep: &Sweep,
+        step: Pose2,
+        is_trusted: impl Fn(usize) -> bool,
+    ) -> Option<Hands> {
         let params = self.params;
         let jump_m = params.jump_m.max(params.jump_sigmas * self.range_sigma_m);
         let (mut compared, mut changed) = (0usize, 0usize);
@@ -55,29 +78,35 @@ impl JumpDetector {
             self.rest_m.clone_from(&self.ranges_m);
             self.shifted = 0;
         }
-        (is_still && (has_jumped(params.still_beams, params.still_share) | self.is_pushed()))
-            || (is_slow && has_jumped(params.jump_beams, params.jump_share))
+        if self.shifted == 0 {
+            self.before = (sweep.index, sweep.at);
+        }
+        let shifted = if is_still { self.shifted() } else { None };
+        let is_carried = (is_still && has_jumped(params.still_beams, params.still_share))
+            || (is_slow && has_jumped(params.jump_beams, params.jump_share));
+        if is_carried { Some(Hands::Carried) } else { shifted }
     }
 
-    /// True once the readings have differed for some sweeps from those at the beginning of the rest.
-    fn is_pushed(&mut self) -> bool {
+    /// Once the readings have differed for some sweeps from those at the beginning of the rest: by how much.
+    fn shifted(&mut self) -> Option<Hands> {
         let params = &self.params;
         let shift_m = params.shift_m.max(params.shift_sigmas * self.range_sigma_m);
-        let (mut compared, mut changed) = (0usize, 0usize);
+        let (mut compared, mut changed, mut far) = (0usize, 0usize, 0usize);
         for (before, now) in self.rest_m.iter().zip(&self.ranges_m) {
             let (Some(before_m), Some(now_m)) = (before, now) else { continue };
             let apart_m = (before_m - now_m).abs();
             compared += usize::from(apart_m.is_finite());
             changed += usize::from(apart_m.is_finite() && apart_m > shift_m);
+            far += usize::from(apart_m.is_finite() && apart_m > params.search.near_m);
         }
         let is_shifted = changed >= params.shift_beams && changed as f64 >= params.shift_share * compared as f64;
         self.shifted = if is_shifted { self.shifted + 1 } else { 0 };
-        let is_pushed = self.shifted >= params.shift_sweeps;
-        if is_pushed {
-            self.rest_m.clone_from(&self.ranges_m);
-            self.shifted = 0;
+        if self.shifted < params.shift_sweeps {
+            return None;
         }
-        is_pushed
+        self.rest_m.clone_from(&self.ranges_m);
+        self.shifted = 0;
+        Some(if 2 * far > changed { Hands::Carried } else { Hands::Pushed })
     }
 }
 
@@ -101,8 +130,8 @@ mod tests {
     /// Whether the second sweep is a jump from the first, after so much way.
     fn jumps(from: [f64; 8], to: [f64; 8], way_m: f64) -> bool {
         let mut detector = JumpDetector::new(8, &Params::default());
-        assert!(!detector.add(&sweep(from), Pose2::default(), |_| true));
-        detector.add(&sweep(to), Pose2::new(way_m, 0.0, 0.0), |_| true)
+        assert_eq!(detector.add(&sweep(from), Pose2::default(), |_| true), None);
+        detector.add(&sweep(to), Pose2::new(way_m, 0.0, 0.0), |_| true) == Some(Hands::Carried)
     }
 
     const HERE: [f64; 8] = [1.0, 1.1, 1.2, f64::INFINITY, 2.5, 0.7, 0.8, 2.0];
@@ -122,7 +151,7 @@ mod tests {
             let aside = |by_m: f64| [1.0, 1.1 + by_m, 1.2 + by_m, f64::INFINITY, 2.5, 0.7 - by_m, 0.8 - by_m, 2.0];
             (1..=8).any(|step| {
                 let by_m = 0.05 * f64::from(step).min(5.0);
-                detector.add(&sweep(aside(by_m)), Pose2::new(way_m, 0.0, 0.0), |_| true)
+                detector.add(&sweep(aside(by_m)), Pose2::new(way_m, 0.0, 0.0), |_| true) == Some(Hands::Pushed)
             })
         };
         assert!(pushed(0.0) && !pushed(0.02));
@@ -134,6 +163,6 @@ mod tests {
         (there[0], there[1], there[4]) = (0.5, 0.6, f64::INFINITY);
         assert!(!jumps(HERE, there, 0.0) && !jumps(HERE, HERE, 0.0));
         let untrusted = JumpDetector::new(8, &Params::default()).add(&sweep(HERE), Pose2::default(), |_| false);
-        assert!(!untrusted);
+        assert_eq!(untrusted, None);
     }
 }

@@ -4,6 +4,7 @@
 //! Readings of one beam repeat themselves, so a sweep counts by the way since the last one, and no ring counts for more than eight beams.
 
 use super::agreement::{Outcome, outcome};
+use super::jump::Hands;
 use super::params::Params;
 use crate::geometry::{Placement, Pose2};
 use crate::mapping::grid::OccupancyGrid;
@@ -14,6 +15,7 @@ use crate::time::Timestamp;
 #[derive(Clone, Copy, Debug)]
 pub(in crate::wall_slam) struct PlaceMonitor {
     sum: f64,
+    hands: Option<Hands>,
     /// The last sweep without any evidence.
     onset: (u64, Timestamp),
     /// What was heard since the pose was moved.
@@ -77,17 +79,22 @@ impl Scene<'_> {
 
 impl PlaceMonitor {
     pub(in crate::wall_slam) fn new(params: &Params) -> Self {
-        Self { sum: 0.0, onset: (0, Timestamp::default()), record: Record::default(), params: *params }
+        Self { sum: 0.0, hands: None, onset: (0, Timestamp::default()), record: Record::default(), params: *params }
     }
 
-    /// The robot was carried since the last sweep.
-    pub(in crate::wall_slam) fn jump(&mut self) {
-        self.sum = 2.0 * self.params.lost;
+    /// Hands moved the robot after the sweep `before`.
+    pub(in crate::wall_slam) fn jump(&mut self, hands: Hands, before: (u64, Timestamp)) {
+        (self.sum, self.hands, self.onset) = (2.0 * self.params.lost, Some(hands), self.onset.min(before));
+    }
+
+    /// What hands did to the robot since the sum was last zero.
+    pub(in crate::wall_slam) const fn hands(&self) -> Option<Hands> {
+        self.hands
     }
 
     /// Begins anew: the pose was moved.
     pub(in crate::wall_slam) fn reset(&mut self) {
-        (self.sum, self.record) = (0.0, Record::default());
+        (self.sum, self.hands, self.record) = (0.0, None, Record::default());
     }
 
     /// Adds a sweep seen from `pose`, after so much way.
@@ -113,6 +120,7 @@ impl PlaceMonitor {
         let way_m = way_m.min(self.params.max_step_m);
         self.sum = (self.sum + scene.evidence(&tally, way_m) - self.params.leak_per_m * way_m).max(0.0);
         if self.sum <= 0.0 {
+            self.hands = None;
             self.onset = (sweep.index, sweep.at);
         }
     }
@@ -228,7 +236,7 @@ mod tests {
         let (grid, params) = (OccupancyGrid::new(0.05), Params::default());
         let scene = Scene { grid: &grid, max_range_m: 3.0, params: &params };
         let mut monitor = PlaceMonitor::new(&params);
-        monitor.jump();
+        monitor.jump(Hands::Carried, (0, Timestamp::default()));
         assert!(monitor.is_lost());
         monitor.reset();
         (0..99).for_each(|_| monitor.add(&scene, &heard([1.0; 4]), Pose2::default(), 0.04, |_| true));

@@ -101,7 +101,9 @@ pub struct Params {
 /// | `near_m` | 0.75 | m | by design: a push goes up to 0.5 m | Too small: a pushed robot is sought everywhere. Too large: time |
 /// | `near_until_m` | 3 | m | by hand: on this way after the loss a near pose is likelier than any other | Too small: a pushed robot is found late. Too large: a carried one is found near by chance |
 /// | `near_rad` | 12 | deg | by hand | As `near_m` |
-/// | `min_turned_lead` | 5 | nats | homes 1-60: wheels that slip turn a robot where it stands | As `min_near_lead`, for a robot that was turned |
+/// | `turned_rad` | 100 | deg | by hand: wheels that slip for a second turn a robot by up to 70 degrees where it stands | Too small: such a robot is found late. Too large: the other end of an alike room is near |
+/// | `turned_penalty` | 4 | nats | by hand: the log prior of a robot that was turned where it stands, against one that was pushed or never lost | Too small: one of two alike headings is chosen by chance. Too large: a robot that was turned is found late |
+/// | `carried_penalty` | 5 | nats | by design: the log prior of one place and heading among two hundred, in a home of 25 m² | Too small: a pushed robot is found at the other end of an alike room. Too large: a carried one is found late |
 /// | `near_step_rad` | 3 | deg | by hand | As `pitch_m` |
 /// | `candidates` | 24 | poses | by hand | Too small: the true pose or its rival is missed. Too large: time |
 /// | `apart_m` | 0.5 | m | by design: another place begins here | Too small: neighbours of the best pose are its rivals. Too large: a true rival is not one |
@@ -110,13 +112,17 @@ pub struct Params {
 /// | `rival_explained` | 0.6 | of those | homes 1-60: clutter hides as much at the true pose | Too small: the robot stays lost. Too large: the true place is no rival of a wrong one |
 /// | `min_told` | 0.6 | of the readings | homes 1-60 | Too small: a few readings fit anywhere. Too large: at the rim of the map the robot stays lost |
 /// | `min_lead` | 6 | nats | homes 1-60 | Too small: one of two alike rooms is chosen by chance. Too large: the robot stays lost |
+/// | `min_lead_share` | 0.38 | of the likelihood | homes 1-12: of places that were found wrongly, all but one led by less, of those found rightly one in thirty | As `min_lead` |
 /// | `min_near_lead` | 3 | nats | homes 1-60: a push is likelier than a kidnap | As `min_lead`, for a pushed robot and a false alarm |
 /// | `min_finds` | 2 | searches | by hand: so many must find a far pose | Too small: the same readings agree with themselves. Too large: found late |
 /// | `min_near_explained` | 0.65 | as `min_explained` | homes 1-60 | As `min_explained`, for a pushed robot and a false alarm |
+/// | `min_turned_explained` | 0.75 | as `min_explained` | homes 1-12: wrong poses that are turned explain 0.72 | As `min_explained`, for a robot that was turned |
 /// | `min_near_told` | 0.3 | as `min_told` | homes 1-60 | As `min_told`, for a pushed robot and a false alarm |
 /// | `again_m` | 0.5 | m | by hand: the way over which they must | Too small: the same readings agree with themselves. Too large: found late |
 /// | `trial_m` | 2.5 | m | by hand: the way over which a far pose that was found must agree with the map before it is stated | Too small: a place that looks alike is taken for the true one. Too large: found late |
 /// | `near_trial_m` | 0.7 | m | by hand: the same for a near one | As `trial_m` |
+/// | `near_trial_explained` | 0.72 | as `min_explained` | homes 1-12: wrong near poses explain 0.68 | As `trial_explained`, for a near pose |
+/// | `near_trial_told` | 0.25 | as `min_told` | homes 1-12: wrong near poses are told 0.17 | As `trial_told`, for a near pose |
 /// | `trial_explained` | 0.75 | as `min_explained` | homes 1-20: 0.86 rejects half of the true poses, at the rim of the map or among persons | Too small: wrong poses. Too large: the true one is rejected |
 /// | `trial_told` | 0.4 | as `min_told` | as `trial_explained` | As `trial_explained` |
 /// | `same_m` | 0.3 | m | by hand: two searches agree | Too small: drift hides the pose. Too large: chance agrees |
@@ -134,7 +140,9 @@ pub struct SearchParams {
     pub near_m: f64,
     pub near_until_m: f64,
     pub near_rad: f64,
-    pub min_turned_lead: f64,
+    pub turned_rad: f64,
+    pub turned_penalty: f64,
+    pub carried_penalty: f64,
     pub near_step_rad: f64,
     pub candidates: usize,
     pub apart_m: f64,
@@ -143,13 +151,17 @@ pub struct SearchParams {
     pub rival_explained: f64,
     pub min_told: f64,
     pub min_lead: f64,
+    pub min_lead_share: f64,
     pub min_near_lead: f64,
     pub min_near_explained: f64,
+    pub min_turned_explained: f64,
     pub min_near_told: f64,
     pub min_finds: u32,
     pub again_m: f64,
     pub trial_m: f64,
     pub near_trial_m: f64,
+    pub near_trial_explained: f64,
+    pub near_trial_told: f64,
     pub trial_explained: f64,
     pub trial_told: f64,
     pub same_m: f64,
@@ -211,9 +223,11 @@ impl Default for SearchParams {
             per_sweep: 3000,
             pitch_m: 0.1,
             near_m: 0.75,
-            near_until_m: 3.0,
+            near_until_m: 12.0,
             near_rad: degrees(12.0),
-            min_turned_lead: 5.0,
+            turned_rad: degrees(100.0),
+            turned_penalty: 4.0,
+            carried_penalty: 5.0,
             near_step_rad: degrees(3.0),
             candidates: 24,
             apart_m: 0.5,
@@ -222,13 +236,17 @@ impl Default for SearchParams {
             rival_explained: 0.6,
             min_told: 0.6,
             min_lead: 6.0,
+            min_lead_share: 0.38,
             min_near_lead: 3.0,
             min_near_explained: 0.65,
+            min_turned_explained: 0.75,
             min_near_told: 0.3,
             min_finds: 2,
             again_m: 0.5,
             trial_m: 2.5,
             near_trial_m: 0.7,
+            near_trial_explained: 0.72,
+            near_trial_told: 0.25,
             trial_explained: 0.75,
             trial_told: 0.4,
             same_m: 0.3,

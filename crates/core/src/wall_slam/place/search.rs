@@ -1,6 +1,7 @@
 //! Finds a lost robot again, a little in each sweep, and only where nothing else is nearly as likely.
 
 use super::field::Field;
+use super::jump::Hands;
 use super::monitor::{Record, Scene, Tally};
 use super::params::Params;
 use super::scan::{Candidate, Return, Scan, refine};
@@ -19,6 +20,8 @@ pub(in crate::wall_slam) struct PlaceSearch {
     field: Field,
     /// `map_from_trail` as believed.
     believed: Pose2,
+    /// Hands carried the robot: it is no likelier near the believed pose than elsewhere.
+    is_carried: bool,
     stage: Stage,
     /// The far pose that the last searches found one after the other.
     chain: Option<Chain>,
@@ -90,6 +93,7 @@ impl PlaceSearch {
     pub(in crate::wall_slam) fn new(
         (since_sweep, since): (u64, Timestamp),
         pose: Pose2,
+        is_carried: bool,
         trail: &Trail,
         scene: &Scene<'_>,
     ) -> Self {
@@ -98,6 +102,7 @@ impl PlaceSearch {
             since_sweep,
             field: Field::new(scene.grid, scene.params),
             believed: pose * trail.pose().inverse(),
+            is_carried,
             stage: Stage::Waiting,
             chain: None,
             lost_m: trail.way_m(),
@@ -111,8 +116,9 @@ impl PlaceSearch {
         self.believed * trail.pose()
     }
 
-    /// The robot was carried again: what was heard before is from another place.
-    pub(in crate::wall_slam) fn restart(&mut self, trail: &Trail) {
+    /// Hands moved the robot again: what was heard before is from another place.
+    pub(in crate::wall_slam) fn restart(&mut self, hands: Hands, trail: &Trail) {
+        self.is_carried |= hands == Hands::Carried;
         (self.stage, self.chain, self.next_m) = (Stage::Waiting, None, trail.way_m());
     }
 
@@ -207,37 +213,44 @@ impl PlaceSearch {
             let (a, b) = (a * moment.pose, b * moment.pose);
             ((a.position() - b.position()).norm(), wrap_angle(a.theta_rad - b.theta_rad).abs())
         };
-        let likeliest = |one: &&Judgement, other: &&Judgement| one.likelihood.total_cmp(&other.likelihood);
+        // How a pose differs from the believed one where it was lost: later the places part if the robot was turned.
+        let moved = |one: &Judgement| {
+            let (a, b) = (one.pose * self.lost_at, self.believed * self.lost_at);
+            ((a.position() - b.position()).norm(), wrap_angle(a.theta_rad - b.theta_rad).abs())
+        };
+        let prior = |one: &Judgement| match moved(one) {
+            _ if self.is_carried => -search.carried_penalty,
+            (m, rad) if m < search.near_m && rad < search.near_rad => 0.0,
+            (m, rad) if m < search.near_m && rad < search.turned_rad => -search.turned_penalty,
+            _ => -search.carried_penalty,
+        };
+        let posterior = |one: &Judgement| one.likelihood + prior(one);
+        let likeliest = |one: &&Judgement, other: &&Judgement| posterior(one).total_cmp(&posterior(other));
         // The best of what explains so much and lies elsewhere than `from`.
         let rival = |from: Pose2, min_explained: f64| {
             let is_elsewhere = |other: &&Judgement| {
                 let (m, rad) = apart(from, other.pose);
                 other.explained >= min_explained && (m > search.apart_m || rad > search.apart_rad)
             };
-            judged.iter().filter(is_elsewhere).map(|other| other.likelihood).fold(0.0, f64::max)
-        };
-        // Where the pose was lost: later the places part if the robot was turned.
-        let moved = |one: &Judgement| {
-            let (a, b) = (one.pose * self.lost_at, self.believed * self.lost_at);
-            ((a.position() - b.position()).norm(), wrap_angle(a.theta_rad - b.theta_rad).abs())
+            judged.iter().filter(is_elsewhere).map(posterior).fold(-search.carried_penalty, f64::max)
         };
         let is_near = |one: &&Judgement| {
-            let fits = one.explained >= search.min_near_explained && one.told >= search.min_near_told;
-            moved(one).0 < search.near_m && fits
+            let is_turned = prior(one) < 0.0;
+            let min_explained = if is_turned { search.min_turned_explained } else { search.min_near_explained };
+            let fits = one.explained >= min_explained && one.told >= search.min_near_told;
+            prior(one) > -search.carried_penalty && fits
         };
         if trail.way_m() < self.lost_m + search.near_until_m
             && let Some(near) = judged.iter().filter(is_near).max_by(likeliest)
+            && posterior(near) >= rival(near.pose, search.min_explained) + search.min_near_lead
         {
-            let is_turned = moved(near).1 > search.near_rad;
-            let min_lead = if is_turned { search.min_turned_lead } else { search.min_near_lead };
-            if near.likelihood >= rival(near.pose, search.min_explained) + min_lead {
-                return Some((near.pose, true));
-            }
+            return Some((near.pose, true));
         }
         let fits = |one: &&Judgement| one.explained >= search.min_explained && one.told >= search.min_told;
         let best = judged.iter().filter(fits).max_by(likeliest)?;
         // What explains less may still be the true place, among things that were moved.
-        if best.likelihood < rival(best.pose, search.rival_explained) + search.min_lead {
+        let lead = posterior(best) - rival(best.pose, search.rival_explained);
+        if lead < search.min_lead.max(search.min_lead_share * best.likelihood) {
             return None;
         }
         let way_m = trail.way_m();

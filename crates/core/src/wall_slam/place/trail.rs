@@ -62,7 +62,7 @@ impl Trail {
     }
 
     /// The way so far, metres.
-    pub(super) const fn way_m(&self) -> f64 {
+    pub(in crate::wall_slam) const fn way_m(&self) -> f64 {
         self.way_m
     }
 
