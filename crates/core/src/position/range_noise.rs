@@ -71,7 +71,7 @@ impl Default for NoiseParams {
             error_sigmas: 3.5,
             stray_sigmas: 4.0,
             shared_sigmas: 0.4,
-            shape_sigmas: 0.6,
+            shape_sigmas: 2.0,
             usual_m: 0.02,
         }
     }

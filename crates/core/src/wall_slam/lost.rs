@@ -4,7 +4,6 @@ use super::Mode;
 use super::encoder_fault::{self, Response};
 use super::initializing::Following;
 use super::odometry_outage::unknown_within;
-use super::place::jump::Hands;
 use super::place::search::{Find, PlaceSearch};
 use super::relocalizing::Relocalizing;
 use super::stages::Stages;
@@ -46,8 +45,7 @@ impl Lost {
         let (pose, at) = (corrected.robot.ekf.filter.pose(), corrected.sweep.at);
         let change = LocalizationChange::Lost;
         events.push(Event::Localization(LocalizationEvent { at, since: onset.1, change }));
-        let is_carried = stages.place.hands() == Some(Hands::Carried);
-        Box::new(PlaceSearch::new(onset, pose, is_carried, &stages.trail, &stages.scene()))
+        Box::new(PlaceSearch::new(onset, pose, stages.place.hands(), &stages.trail, &stages.scene()))
     }
 
     pub(super) fn update(self, sweep: &Sweep, stages: &mut Stages, events: &mut Vec<Event>) -> Mode {
@@ -87,7 +85,7 @@ impl Lost {
             return Self::publish(corrected, search, trial, stages, events);
         };
         let mut corrected = predicted.correct(judged, None, stages);
-        match trial.verdict(stages) {
+        match trial.verdict(&search, stages) {
             None => Self::publish(corrected, search, Some(trial), stages, events),
             Some(true) => {
                 let Trial { moved_m, turned_rad, .. } = *trial;
@@ -142,12 +140,16 @@ impl Trial {
     }
 
     /// Whether the pose is right; none while that is open.
-    fn verdict(&self, stages: &Stages) -> Option<bool> {
+    fn verdict(&self, search: &PlaceSearch, stages: &Stages) -> Option<bool> {
+        let is_pushed = search.is_pushed();
         let (search, record) = (&stages.place_params.search, stages.place.record());
         if stages.place.is_contradicted() {
             return Some(false);
         }
-        let (min_way_m, min_explained, min_told) = if self.is_near {
+        let (min_way_m, min_explained, min_told) = if self.is_near && is_pushed {
+            // Who pushed it is known: the map need not tell anything where it goes next.
+            (search.near_trial_m, search.min_near_explained, 0.0)
+        } else if self.is_near {
             (search.near_trial_m, search.near_trial_explained, search.near_trial_told)
         } else {
             (search.trial_m, search.trial_explained, search.trial_told)

@@ -20,8 +20,8 @@ pub(in crate::wall_slam) struct PlaceSearch {
     field: Field,
     /// `map_from_trail` as believed.
     believed: Pose2,
-    /// Hands carried the robot: it is no likelier near the believed pose than elsewhere.
-    is_carried: bool,
+    /// What hands did to the robot: one that was carried is no likelier near the believed pose than elsewhere.
+    hands: Option<Hands>,
     stage: Stage,
     /// The far pose that the last searches found one after the other.
     chain: Option<Chain>,
@@ -93,7 +93,7 @@ impl PlaceSearch {
     pub(in crate::wall_slam) fn new(
         (since_sweep, since): (u64, Timestamp),
         pose: Pose2,
-        is_carried: bool,
+        hands: Option<Hands>,
         trail: &Trail,
         scene: &Scene<'_>,
     ) -> Self {
@@ -102,7 +102,7 @@ impl PlaceSearch {
             since_sweep,
             field: Field::new(scene.grid, scene.params),
             believed: pose * trail.pose().inverse(),
-            is_carried,
+            hands,
             stage: Stage::Waiting,
             chain: None,
             lost_m: trail.way_m(),
@@ -118,8 +118,19 @@ impl PlaceSearch {
 
     /// Hands moved the robot again: what was heard before is from another place.
     pub(in crate::wall_slam) fn restart(&mut self, hands: Hands, trail: &Trail) {
-        self.is_carried |= hands == Hands::Carried;
+        if !self.is_carried() {
+            self.hands = Some(hands);
+        }
         (self.stage, self.chain, self.next_m) = (Stage::Waiting, None, trail.way_m());
+    }
+
+    fn is_carried(&self) -> bool {
+        self.hands == Some(Hands::Carried)
+    }
+
+    /// Hands moved the robot a little.
+    pub(in crate::wall_slam) fn is_pushed(&self) -> bool {
+        self.hands == Some(Hands::Pushed)
     }
 
     /// A pose that was tried turned out to be wrong.
@@ -218,8 +229,9 @@ impl PlaceSearch {
             let (a, b) = (one.pose * self.lost_at, self.believed * self.lost_at);
             ((a.position() - b.position()).norm(), wrap_angle(a.theta_rad - b.theta_rad).abs())
         };
+        let is_carried = self.is_carried();
         let prior = |one: &Judgement| match moved(one) {
-            _ if self.is_carried => -search.carried_penalty,
+            _ if is_carried => -search.carried_penalty,
             (m, rad) if m < search.near_m && rad < search.near_rad => 0.0,
             (m, rad) if m < search.near_m && rad < search.turned_rad => -search.turned_penalty,
             _ => -search.carried_penalty,
