@@ -150,6 +150,14 @@ fn a_push_is_mended_within_two_metres() {
 }
 
 #[test]
+fn a_pushed_robot_is_not_at_the_other_end_of_an_alike_room() {
+    let outcome = drive(2, 110.0, "push=0.25@60s");
+    println!("{:?}", outcome.events);
+    assert!(outcome.silent_s() < 5.0, "{:.1} s", outcome.silent_s());
+    assert!(outcome.end().is_lost || outcome.end().error_m < RIGHT_M, "{:.2} m", outcome.end().error_m);
+}
+
+#[test]
 fn a_wheel_that_spins_in_place_is_noticed() {
     let outcome = drive(7, 100.0, "spin=left@60s-61s");
     println!("{:?}", outcome.events);
