@@ -15,6 +15,9 @@ use crate::position::ekf_slam::EkfSlam;
 use crate::sweep::Sweep;
 use crate::time::Timestamp;
 
+/// Why a robot whose surroundings are in the map is not found.
+const AMBIGUOUS: &str = "two places of the map explain nearly alike what is heard: drive on to where they differ";
+
 /// A robot that is elsewhere.
 #[derive(Debug)]
 pub(super) struct Lost {
@@ -78,6 +81,14 @@ impl Lost {
                 search.restart(hands, &stages.trail);
             }
             let found = stages.search(&mut search);
+            if search.becomes_ambiguous() {
+                let change = LocalizationChange::Doubted { reason: AMBIGUOUS.into() };
+                events.push(Event::Localization(LocalizationEvent {
+                    at: judged.sweep().at,
+                    since: search.since,
+                    change,
+                }));
+            }
             let trial = found.map(|find| Box::new(Trial::begin(&mut corrected.robot, &find, search.since_sweep)));
             if trial.is_some() {
                 stages.place.reset();

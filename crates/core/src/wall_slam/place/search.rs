@@ -25,6 +25,8 @@ pub(in crate::wall_slam) struct PlaceSearch {
     stage: Stage,
     /// The far pose that the last searches found one after the other.
     chain: Option<Chain>,
+    /// Two places explain what is heard nearly alike; and whether that was told.
+    is_ambiguous: (bool, bool),
     /// The way at the loss, metres, and `trail_from_robot`.
     lost_m: f64,
     lost_at: Pose2,
@@ -105,6 +107,7 @@ impl PlaceSearch {
             hands,
             stage: Stage::Waiting,
             chain: None,
+            is_ambiguous: (false, false),
             lost_m: trail.way_m(),
             lost_at: trail.pose(),
             next_m: f64::NEG_INFINITY,
@@ -122,6 +125,13 @@ impl PlaceSearch {
             self.hands = Some(hands);
         }
         (self.stage, self.chain, self.next_m) = (Stage::Waiting, None, trail.way_m());
+    }
+
+    /// True once, when two places turned out to explain what is heard nearly alike.
+    pub(in crate::wall_slam) fn becomes_ambiguous(&mut self) -> bool {
+        let (is_so, was_told) = self.is_ambiguous;
+        self.is_ambiguous.1 |= is_so;
+        is_so && !was_told
     }
 
     fn is_carried(&self) -> bool {
@@ -263,6 +273,7 @@ impl PlaceSearch {
         // What explains less may still be the true place, among things that were moved.
         let lead = posterior(best) - rival(best.pose, search.rival_explained);
         if lead < search.min_lead.max(search.min_lead_share * best.likelihood) {
+            self.is_ambiguous.0 = true;
             return None;
         }
         let way_m = trail.way_m();
