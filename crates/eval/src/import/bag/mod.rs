@@ -5,6 +5,7 @@
 //! the pose of the odometry becomes the counts that would have given it. Messages of one time are one row.
 
 mod cdr;
+mod mcap_file;
 mod message;
 mod sqlite;
 mod storage;
