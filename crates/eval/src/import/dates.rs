@@ -3,7 +3,7 @@
 /// A day has so many seconds.
 const DAY_S: f64 = 86_400.0;
 
-/// Unix time of a stamp such as `2026-05-01T12:34:56.789Z`, `2026-05-01 12:34:56+02:00` or `2026/05/01 12:34`, seconds; of a time of day alone,
+/// Unix time of a stamp such as `2026-05-01T12:34:56.789Z`, `2026-05-01 12:34:56+02:00` or `01.05.2026 12:34`, seconds; of a time of day alone,
 /// such as `12:34:56.789`, the seconds since midnight. Without an offset, the time is taken as UTC.
 pub(super) fn seconds(stamp: &str) -> Option<f64> {
     let stamp = stamp.trim();
@@ -18,8 +18,11 @@ pub(super) fn seconds(stamp: &str) -> Option<f64> {
 /// Days from 1970-01-01 to a date. The calendar is counted from March, so that a leap day ends a year; 400 years have 146,097 days (Hinnant,
 /// "chrono-Compatible Low-Level Date Algorithms").
 fn days(date: &str) -> Option<f64> {
-    let mut parts = date.split(['-', '/']);
-    let (year, month, day) = (parts.next()?, number(parts.next()?)?, number(parts.next()?)?);
+    let mut parts = date.split(['-', '/', '.']);
+    let [first, month, last] = [parts.next()?, parts.next()?, parts.next()?];
+    // With points the day comes first: 01.05.2026.
+    let (year, day) = if date.contains('.') { (last, first) } else { (first, last) };
+    let (month, day) = (number(month)?, number(day)?);
     if parts.next().is_some() || year.len() != 4 || !(1..=12).contains(&month) || !(1..=31).contains(&day) {
         return None;
     }
@@ -80,6 +83,7 @@ mod tests {
             ("2026-05-01T14:00:00.25+02:00", 1_777_636_800.25),
             ("2026-05-01T10:30:00-0130", 1_777_636_800.0),
             ("2026-05-01T12:00:00,5 UTC", 1_777_636_800.5),
+            ("1.05.2026 12:00", 1_777_636_800.0),
             ("00:01:30.25", 90.25),
             ("23:59", 86_340.0),
         ] {

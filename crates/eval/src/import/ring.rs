@@ -197,7 +197,7 @@ fn row(
                 let reading = if fields.get(column).is_some_and(is_none) {
                     f64::INFINITY
                 } else {
-                    line.value(fields, column, READING)?
+                    reading(line, fields, column)?
                 };
                 if let Some(cell) = row.readings.get_mut(*sensor) {
                     *cell = reading;
@@ -209,6 +209,22 @@ fn row(
     Ok((row, ticks))
 }
 
+/// The reading in a cell. A text may mean that there was no echo.
+fn reading(line: SourceLine<'_>, fields: &[String], column: usize) -> Result<f64, ImportError> {
+    line.value(fields, column, READING).map_err(|error| match fields.get(column) {
+        Some(word)
+            if !word.is_empty()
+                && word.len() <= MAX_WORD
+                && word.chars().all(|c| c.is_alphabetic() || "_-/".contains(c)) =>
+        {
+            line.error(word, column, &format!("{READING}; where it means no echo: --no-echo {word}"))
+        }
+        _ => error,
+    })
+}
+
+/// Longer words are no marks.
+const MAX_WORD: usize = 20;
 const STAMP: &str = "seconds, or a date and time such as 2026-05-01T12:00:00.5Z";
 const TICKS: &str = "a number of encoder ticks, or nothing";
 const READING: &str = "metres, at least 0, `inf` for no echo, or nothing or `nan` for no measurement";
@@ -241,6 +257,7 @@ mod tests {
         let read = |word: &str| row(&record, &roles, ("a.csv", 1), &[word.to_owned()]);
         assert_eq!(read("null").unwrap().0.readings, [f64::INFINITY]);
         let error = read("none").unwrap_err().to_string();
+        assert!(error.ends_with("where it means no echo: --no-echo NULL"), "{error}");
         assert!(error.contains("line 3, column 4: `NULL`: expected metres"), "{error}");
     }
 }
