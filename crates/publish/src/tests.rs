@@ -123,7 +123,7 @@ fn the_plan_has_rooms_measures_and_what_is_doubtful() {
     assert!(matches!(summary.rooms_m2[..], [m2] if (30.0..35.5).contains(&m2)), "{:?}", summary.rooms_m2);
     let svg = fs::read_to_string(folder.path().join("map.svg")).unwrap();
     for words in
-        ["the wheels turn the other way", " m2 in 1 room", "position +- 2 cm, at worst 2 cm", "39 s, date unknown"]
+        ["the wheels turn the other way", " m2 of floor in 1 room", "position +- 2 cm, at worst 2 cm", "39 s, date unknown"]
     {
         assert!(svg.contains(words), "no {words:?} in the plan");
     }

@@ -45,8 +45,9 @@ struct Reading {
 /// How far the ring is turned counter-clockwise, radians, from an eighth of a turn clockwise to an eighth counter-clockwise; none if the drill does
 /// not tell. `slopes` are those of the push, by bearing.
 pub(super) fn ring_turn(slopes: &[(f64, f64)], turn: &Leg, ring: &Ring, base_m: f64) -> Option<f64> {
-    let is_along = |slope: f64| slope.abs() > AHEAD || slope.abs() < BESIDE;
-    if slopes.len() < MIN_SENSORS || !slopes.iter().all(|(_, slope)| is_along(*slope)) {
+    let along = slopes.iter().filter(|(_, slope)| slope.abs() > AHEAD || slope.abs() < BESIDE).count();
+    // Where a corner passes a sensor, its slope is of no wall.
+    if along < MIN_SENSORS || 4 * along < 3 * slopes.len() {
         return None;
     }
     let sign = if turn.signs == [false, true] { 1.0 } else { -1.0 };
