@@ -18,7 +18,7 @@ const EXAMPLES: &str = "Examples:
   slamd import bag rosbag2_2026_05_01/ --config robot.toml --capture drive.mcap
   slamd import carmen fr079.log.gz --config robot.toml --capture fr079.mcap
 
-Files may be gzipped or in UTF-16, with commas, semicolons or tabs, decimal points or commas. docs/cli.md has all that is read.";
+Files may be gzipped or in UTF-16, with commas, semicolons, tabs or spaces, decimal points or commas, stamps in seconds or as dates. docs/cli.md has all that is read.";
 
 /// Turn a recording into a capture that `replay` runs.
 #[derive(Debug, Args)]
@@ -172,6 +172,8 @@ impl From<ImportError> for Failure {
             ImportError::Capture(CaptureError::Io { .. }) => Kind::CantCreate,
             ImportError::Capture(_) => Kind::Data,
         };
-        Self::new(kind, error.to_string())
+        let is_pipe = matches!(&error, ImportError::Io { source, .. } if source.to_string().contains("it is a pipe"));
+        let hint = if is_pipe { "; name `-`, and slamd reads standard input: `slamd import ... - < PIPE`" } else { "" };
+        Self::new(kind, format!("{error}{hint}"))
     }
 }

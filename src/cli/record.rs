@@ -32,12 +32,20 @@ const MIB: u64 = 1 << 20;
 const HOUR: u32 = 60;
 
 impl RecordArgs {
-    /// Keeps the name of the recording from the command's other outputs.
+    /// Keeps the names of the recording and of its further parts from the command's other outputs.
     pub(super) fn claim(&self, guard: &mut OutputGuard) -> Result<(), Failure> {
-        match &self.record {
-            Some(path) if !is_folder(path) => Ok(guard.claim(path)?),
-            _ => Ok(()),
+        let Some(path) = &self.record else { return Ok(()) };
+        if is_folder(path) {
+            guard.claim_series(path, ["slamd-".into(), ".mcap".into()]);
+            return Ok(());
         }
+        guard.claim(path)?;
+        if std::fs::metadata(path).map_or(true, |metadata| metadata.is_file()) {
+            let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+            let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+            guard.claim_series(folder, [format!("{stem}-"), ".mcap".into()]);
+        }
+        Ok(())
     }
 
     /// Begins the recording; none without --record.

@@ -48,6 +48,11 @@ impl ClockEvidence {
         self.map.round_trip(sent, received, answered, at);
     }
 
+    /// The board has answered: it hears what slamd sends.
+    pub(super) const fn has_answers(&self) -> bool {
+        !self.trips_s.is_empty()
+    }
+
     /// The board's clock restarted.
     pub(super) fn restart(&mut self) {
         self.widener.reset();

@@ -11,7 +11,7 @@ use super::wheels::{WheelEvidence, metres_per_tick};
 use bytes::Bytes;
 use slamd_core::{
     Config, Driver, FaultKind, Input, ModelEvent, ModelState, Pipeline, Record, SensorState, SessionState, Timestamp,
-    Update,
+    Topic, Update,
     link::{Link, Remedy},
 };
 use slamd_protocol::{DELIMITER, FrameDecoder, Message, Setting};
@@ -193,16 +193,21 @@ impl Examination {
             (Some(hello), None) => usize::from(hello.sensors),
             (None, None) => 0,
         };
-        let statistics = self.sensors.statistics(sensors, self.driver.pipeline().ring());
+        let are_centimetres = troubles.has(Topic::FlightUnit);
+        let statistics = self.sensors.statistics(sensors, self.driver.pipeline().ring(), are_centimetres);
         let path_m = self.wheels.path_m(&self.config.robot, self.driver.pipeline().board());
-        findings.extend(self.sensors.findings(
+        let mut of_sensors = self.sensors.findings(
             &statistics,
             path_m,
             self.config.ring.max_range_m,
             self.setting(Setting::SlotUs),
             self.driver.pipeline().ring(),
             &troubles,
-        ));
+        );
+        if !self.is_recording && !self.clock.has_answers() {
+            of_sensors.iter_mut().filter(|finding| finding.id == "sensors.silent").for_each(deaf);
+        }
+        findings.extend(of_sensors);
         findings.extend(noisy(self.driver.pipeline().states()));
         let of_wheels = self.wheels.findings(&self.config.robot, self.driver.pipeline().board(), |setting| {
             self.setting(setting).or_else(|| {
@@ -315,6 +320,15 @@ fn model(event: &ModelEvent) -> Finding {
         format!("set {} in the robot's TOML (--config)", remedies.join(" or "))
     };
     Finding::new(Level::Warning, "model.differs", event.finding.clause.clone(), fix)
+}
+
+/// A board that fires nothing and answers nothing has not heard START.
+fn deaf(finding: &mut Finding) {
+    finding.text =
+        "the board sends, but answers nothing that slamd sends: it does not hear, so its sensors never start".into();
+    finding.fix = Some(
+        "check the wire from the computer (TX) to the board (RX), and that the firmware reads its serial port".into(),
+    );
 }
 
 /// The sensors that the estimator classifies as noisy. Only the map can distinguish scatter from a real room.

@@ -22,6 +22,8 @@ const MIN_SWEEPS: f64 = 0.9;
 const MAX_GROUPS: usize = 256;
 /// If no sensor reads more than this, microseconds (12 cm), the readings have another unit.
 const MIN_FARTHEST_US: u16 = 700;
+/// Microseconds of flight per centimetre of range, there and back.
+const US_PER_CM: u16 = 58;
 
 /// Statistics of one sensor.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -113,8 +115,15 @@ impl SensorEvidence {
         self.last_us = None;
     }
 
-    pub(super) fn statistics(&self, sensors: usize, ring: Option<&Ring>) -> Vec<SensorStatistics> {
+    /// What each sensor has measured. Times of flight that `are_centimetres` are converted.
+    pub(super) fn statistics(
+        &self,
+        sensors: usize,
+        ring: Option<&Ring>,
+        are_centimetres: bool,
+    ) -> Vec<SensorStatistics> {
         let none = Tally::default();
+        let us = |flight: u16| if are_centimetres { flight.saturating_mul(US_PER_CM) } else { flight };
         let known = ring.map_or(self.tallies.len(), |_| 0);
         (0..sensors.max(known))
             .map(|sensor| {
@@ -123,7 +132,9 @@ impl SensorEvidence {
                 let fired = mounting.and_then(|mounting| self.fired.get(usize::from(mounting.group)));
                 // If the ring is unknown: all groups fire about equally often.
                 let fired = fired.or_else(|| self.fired.iter().filter(|&&fired| fired > 0).min());
-                let (least_us, most_us) = tally.range_us.unwrap_or_default();
+                let (least, most) = tally.range_us.unwrap_or_default();
+                let (least_us, most_us) = (us(least), us(most));
+                let mean_us = tally.sum_us as f64 / tally.echoes.max(1) as f64 * f64::from(us(1));
                 let metres = |us: u16| tally.range_us.map(|_| f64::from(us) * METRES_PER_US);
                 SensorStatistics {
                     sensor,
@@ -134,7 +145,7 @@ impl SensorEvidence {
                     pin_stuck: tally.pin_stuck,
                     disabled: tally.disabled,
                     least_m: metres(least_us),
-                    mean_m: (tally.echoes > 0).then(|| tally.sum_us as f64 / tally.echoes as f64 * METRES_PER_US),
+                    mean_m: (tally.echoes > 0).then_some(mean_us * METRES_PER_US),
                     most_m: metres(most_us),
                     least_us,
                     most_us,

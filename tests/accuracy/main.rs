@@ -7,3 +7,4 @@ mod evo;
 mod importing;
 mod recordings;
 mod replay;
+mod stated_bounds;

@@ -116,6 +116,24 @@ fn a_bag_gives_pose_and_map_of_the_csv_of_the_same_drive() {
         let info = slamd_capture::CaptureReader::open(&folder.join(format!("{name}.mcap"))).unwrap().info().clone();
         assert_eq!(info.unix_zero_us, Some(1_700_000_000_000_000), "the calendar's time is kept");
     }
+    // A damaged bag is read around the damage, and what is lost is said.
+    for (bag, end) in [("bag-mcap-joints-", "mcap"), ("bag-sqlite3-joints-", "db3")] {
+        let is_bag = |path: &std::path::PathBuf| path.extension().is_some_and(|found| found == end);
+        let mut files = std::fs::read_dir(folder.join(bag)).unwrap().map(|entry| entry.unwrap().path());
+        let whole = std::fs::read(files.find(is_bag).unwrap()).unwrap();
+        let mut torn = whole.clone();
+        torn[whole.len() / 2..whole.len() / 2 + 6_000].fill(0x5a);
+        for (name, bytes) in [("cut", &whole[..whole.len() * 2 / 3]), ("torn", &torn)] {
+            let file = format!("{name}.{end}");
+            std::fs::write(folder.join(&file), bytes).unwrap();
+            let capture = format!("{name}-{end}.mcap");
+            let said = slamd(folder, &["import", "bag", &file, "--config", "robot.toml", "--capture", &capture]);
+            assert!(said.contains("cut off") || said.contains("damaged"), "{file}: {said}");
+            let rows: f64 = said.rsplit_once(" rows of ranges").unwrap().0.rsplit(' ').next().unwrap().parse().unwrap();
+            let least = if name == "cut" { 300.0 } else { 200.0 };
+            assert!((least..600.0).contains(&rows), "{file}: {said}");
+        }
+    }
     // What is no bag of a robot is named.
     let import = |bag: &str| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_slamd"));

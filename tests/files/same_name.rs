@@ -33,9 +33,20 @@ fn refuses(folder: &Path, line: &str) {
 fn a_session_does_not_replace_its_recording() {
     let folder = tempfile::tempdir().unwrap();
     let run = "--port nowhere --duration 0.1 --out o --record same.mcap";
-    for option in ["--save-session same.mcap", "--session ./same.mcap", "--save-calibration same.mcap"] {
+    for option in [
+        "--save-session same.mcap",
+        "--session ./same.mcap",
+        "--save-calibration same.mcap",
+        // The names of its further parts.
+        "--save-session same-0002.mcap",
+        "--session ./same-0017.mcap",
+    ] {
         refuses(folder.path(), &format!("{run} {option}"));
     }
+    std::fs::create_dir(folder.path().join("drives")).unwrap();
+    let into =
+        "--port nowhere --duration 0.1 --out o --record drives/ --save-session drives/slamd-1700000000-0002.mcap";
+    refuses(folder.path(), into);
     let (code, error) = slamd(folder.path(), &format!("{run} --save-session other.session"));
     assert_eq!(code, 0, "{error}");
 }

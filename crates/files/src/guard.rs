@@ -14,6 +14,8 @@ pub struct OutputGuard {
     outputs: Vec<Identity>,
     /// Folders that the command creates before it writes.
     folders: Vec<PathBuf>,
+    /// Files that the command numbers: their folder, and how their names begin and end.
+    series: Vec<(PathBuf, [String; 2])>,
 }
 
 /// A file that a command may write.
@@ -83,7 +85,7 @@ impl OutputGuard {
     /// A guard; with `force` existing files may be replaced, inputs never.
     #[must_use]
     pub const fn new(force: bool) -> Self {
-        Self { force, inputs: Vec::new(), outputs: Vec::new(), folders: Vec::new() }
+        Self { force, inputs: Vec::new(), outputs: Vec::new(), folders: Vec::new(), series: Vec::new() }
     }
 
     /// The command reads this file.
@@ -117,11 +119,25 @@ impl OutputGuard {
             return Ok(());
         }
         let identity = Identity::of(path);
-        if self.outputs.contains(&identity) {
+        if self.outputs.contains(&identity) || self.is_of_series(path) {
             return Err(Refusal::Twice(path.into()));
         }
         self.outputs.push(identity);
         Ok(())
+    }
+
+    /// The command creates files in this folder with digits and hyphens between these parts of the name. No other output may.
+    pub fn claim_series(&mut self, folder: &Path, name: [String; 2]) {
+        self.series.push((resolved(folder), name));
+    }
+
+    fn is_of_series(&self, path: &Path) -> bool {
+        let (folder, name) = (resolved(folder_of(path)), path.file_name().unwrap_or_default().to_string_lossy());
+        let is_number = |number: &str| number.bytes().all(|byte| byte.is_ascii_digit() || byte == b'-');
+        self.series.iter().any(|(of, [begin, end])| {
+            let number = name.strip_prefix(begin.as_str()).and_then(|rest| rest.strip_suffix(end.as_str()));
+            *of == folder && number.is_some_and(is_number)
+        })
     }
 
     /// True if existing files may be replaced.
@@ -172,7 +188,7 @@ impl OutputGuard {
         if self.inputs.contains(&identity) && !is_stream {
             return Err(Refusal::Input(path.into()));
         }
-        if self.outputs.contains(&identity) && !is_stream {
+        if (self.outputs.contains(&identity) || self.is_of_series(path)) && !is_stream {
             return Err(Refusal::Twice(path.into()));
         }
         if path.is_dir() || path.as_os_str().as_encoded_bytes().ends_with(b"/") {
@@ -356,9 +372,17 @@ mod tests {
             assert!(matches!(guard.output(&folder.path(name)), Err(Refusal::Twice(_))), "{name}");
         }
         guard.output(&folder.path("a/out/other.session")).unwrap();
-        for _ in 0..2 {
-            guard.claim(Path::new("/dev/null")).unwrap();
-        }
+        (0..2).for_each(|_| guard.claim(Path::new("/dev/null")).unwrap());
+    }
+
+    #[test]
+    fn numbered_files_are_no_other_outputs() {
+        let folder = Folder::new();
+        let mut guard = folder.guard(true);
+        guard.claim_series(folder.0.path(), ["drive-".into(), ".mcap".into()]);
+        let mut is_taken = |name: &str| matches!(guard.output(&folder.path(name)), Err(Refusal::Twice(_)));
+        assert!(["drive-0002.mcap", "./drive-0003.mcap", "drive-10-0004.mcap"].into_iter().all(&mut is_taken));
+        assert!(!["drive-2.session", "drive-a.mcap", "my-drive-0002.mcap"].into_iter().any(is_taken));
     }
 
     #[test]

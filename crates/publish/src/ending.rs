@@ -128,7 +128,17 @@ impl Summary {
         if let Some(reason) = &self.nothing_mapped {
             return format!("nothing mapped in {duration_s:.1} s: {reason}");
         }
-        let mut line = format!("mapped {map_m2:.1} m2 on {path_m:.1} m of way in {duration_s:.1} s; ");
+        let floor_m2: f64 = self.rooms_m2.iter().sum();
+        let area = match self.rooms_m2.len() {
+            0 => format!("{map_m2:.1} m2, no room closed by walls,"),
+            count => {
+                let rooms = if count == 1 { "1 room".into() } else { format!("{count} rooms") };
+                format!(
+                    "{floor_m2:.1} m2 of floor in {rooms} ({map_m2:.1} m2 with walls, furniture and what was seen from afar)"
+                )
+            }
+        };
+        let mut line = format!("mapped {area} on {path_m:.1} m of way in {duration_s:.1} s; ");
         // Writing to a string cannot fail.
         let _ = match self.ignored_sensors.as_slice() {
             [] => write!(line, "no sensor ignored"),
@@ -196,8 +206,11 @@ mod tests {
         (summary.map_m2, summary.path_m, summary.duration_s) = (19.66, 20.04, 179.5);
         assert_eq!(
             summary.last_line(),
-            "mapped 19.7 m2 on 20.0 m of way in 179.5 s; no sensor ignored; nothing doubtful"
+            "mapped 19.7 m2, no room closed by walls, on 20.0 m of way in 179.5 s; no sensor ignored; nothing doubtful"
         );
+        summary.rooms_m2 = vec![10.0, 4.96];
+        let line = summary.last_line();
+        assert!(line.starts_with("mapped 15.0 m2 of floor in 2 rooms (19.7 m2 with walls, "), "{line}");
         summary.ignored_sensors = vec![3, 7];
         summary.doubtful = vec!["a".into(), "b".into()];
         assert!(summary.last_line().ends_with("; sensors 3, 7 ignored; doubtful: a; b"), "{}", summary.last_line());

@@ -291,6 +291,7 @@ impl Outputs {
         summary.ignored_sensors = ending::ignored(state.states);
         summary.lock_losses = self.lock_log.losses();
         summary.uncertain_s = self.lock_log.uncertain_s(self.sketch.last_at());
+        summary.position_within_m = self.sketch.within_m();
         summary.model.clone_from(&self.model);
         summary.nothing_mapped = ending::nothing_mapped(state, &summary);
         let lost_since_s = self.lock_log.open_since().map(Timestamp::seconds);

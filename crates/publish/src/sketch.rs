@@ -14,13 +14,25 @@ pub struct Sketch {
     odometry: Track,
     map_from_odom: Option<Pose2>,
     pose: Pose2,
-    /// Standard deviation of the position, metres: at the newest pose, and the greatest.
-    sigma_m: Option<[f64; 2]>,
+    /// The bound of the position's error at the newest pose, metres, and whether that pose was certain when it came.
+    within_m: Option<(f64, bool)>,
+    /// The greatest bound of certain poses before it.
+    greatest_within_m: f64,
     /// The intervals whose poses were uncertain, in order.
     uncertain: Vec<(Timestamp, Timestamp)>,
     /// Since when poses are uncertain, while they are.
     uncertain_since: Option<Timestamp>,
 }
+
+/// What the filter does not know of the position, metres: cells of 5 cm, echoes of cones, furniture. Chosen with [`FRAME_RAD`]; without it
+/// the bound is below the error of a robot that stays near its start.
+const FLOOR_M: f64 = 0.02;
+/// What neither robot nor filter knows of the map as a whole: the heading of the first pose against the walls (radians), and the speed of sound
+/// (10 K are 1.8 %). An error grows by this share of the way from the origin. Of 11 simulated drives of 150 s in homes, offices and furnished
+/// rooms (8 to 32 sensors), the error was 0.4 to 3 % of that distance, 1.6 % in the mean square.
+const FRAME_RAD: f64 = 0.02;
+/// 95 % of a normal distribution lie within so many standard deviations.
+const SIGMAS: f64 = 2.0;
 
 /// More intervals count as one with the last.
 const MAX_INTERVALS: usize = 1_000;
@@ -119,9 +131,23 @@ impl Sketch {
         self.path.push(estimate.at, estimate.pose.position());
         self.odometry.push(estimate.at, (map_from_odom * estimate.odometry).position());
         self.pose = estimate.pose;
-        let sigma_m = position_sigma_m(&estimate.covariance);
-        let greatest_m = self.sigma_m.map_or(sigma_m, |[_, greatest_m]| greatest_m.max(sigma_m));
-        self.sigma_m = Some([sigma_m, greatest_m]);
+        // A pose counts once the next has come, for it may be called uncertain after it came.
+        self.greatest_within_m = self.within()[1];
+        self.within_m = Some((within_m(estimate), self.uncertain_since.is_none()));
+    }
+
+    /// The bound at the newest pose and the greatest, metres.
+    fn within(&self) -> [f64; 2] {
+        let (last_m, was_certain) = self.within_m.unwrap_or_default();
+        let counts = was_certain && self.uncertain_since.is_none();
+        [last_m, if counts { self.greatest_within_m.max(last_m) } else { self.greatest_within_m }]
+    }
+
+    /// In 19 of 20 cases the true position is within this distance, metres: at the newest pose, and the greatest of all certain poses. None
+    /// without a certain pose.
+    #[must_use]
+    pub fn within_m(&self) -> Option<[f64; 2]> {
+        Some(self.within()).filter(|[_, greatest_m]| *greatest_m > 0.0)
     }
 
     /// Forgets the path in a discarded map; poses that are uncertain now are so from here on.
@@ -169,8 +195,9 @@ impl Sketch {
         let drive = Drive {
             began_unix_us: around.began_unix_us,
             duration_s: self.last_at().map_or(0.0, Timestamp::seconds),
-            sigma_m: self.sigma_m,
+            within_m: self.within_m(),
             uncertain_s: self.uncertain_s(),
+            is_lost: self.uncertain_since.is_some(),
         };
         let (path_m, odometry, pose) = (self.path_m(), self.odometry.points(), self.pose);
         Drawing { around, plan, drive, path, path_m, odometry, pose, truth: &[], ate_m: None }
@@ -208,6 +235,13 @@ impl Sketch {
         }
         stretches
     }
+}
+
+/// The distance from the estimated position within which the true one lies in 19 of 20 cases, metres.
+fn within_m(estimate: &Estimate) -> f64 {
+    let far_m = estimate.pose.position().coords.norm();
+    let sigma_m = [position_sigma_m(&estimate.covariance), FLOOR_M, FRAME_RAD * far_m];
+    SIGMAS * sigma_m.iter().map(|sigma_m| sigma_m * sigma_m).sum::<f64>().sqrt()
 }
 
 /// Standard deviation of x and y along their least certain direction, metres: the root of the covariance's greater eigenvalue.

@@ -45,7 +45,10 @@ pub struct Summary {
     pub p99_us_per_sweep: Option<f64>,
     /// From the last byte read to the pose written and shown; none where nothing was live.
     pub latency: Option<Latency>,
-    /// Square metres of the map of which something is known.
+    /// In 19 of 20 cases the true position is within this distance, metres: at the last pose, and the greatest of all certain poses. None
+    /// without a certain pose.
+    pub position_within_m: Option<[f64; 2]>,
+    /// Square metres of the map of which something is known: floor, walls and furniture, and what was seen from afar.
     pub map_m2: f64,
     /// Free square metres of each room, the largest first: areas that walls close and that the robot was in.
     pub rooms_m2: Vec<f64>,
@@ -155,6 +158,7 @@ impl Summary {
             mean_us_per_sweep: None,
             p99_us_per_sweep: None,
             latency: None,
+            position_within_m: None,
             map_m2: 0.0,
             rooms_m2: Vec::new(),
             trajectory_sha256: String::new(),

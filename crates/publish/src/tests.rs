@@ -121,10 +121,15 @@ fn the_plan_has_rooms_measures_and_what_is_doubtful() {
     let summary = outputs.finish(&state).unwrap();
     // 7.4 m x 4.8 m without the wall in the middle, whose passage of 1.4 m is no door, a pillar, and what is behind it.
     assert!(matches!(summary.rooms_m2[..], [m2] if (30.0..35.5).contains(&m2)), "{:?}", summary.rooms_m2);
+    // 2 cm each by the filter and beside it, and 2 % of 2.45 m, twice.
+    assert!(summary.position_within_m.unwrap().iter().all(|m| (m - 0.1133).abs() < 1e-3), "{summary:?}");
     let svg = fs::read_to_string(folder.path().join("map.svg")).unwrap();
-    for words in
-        ["the wheels turn the other way", " m2 in 1 room", "position +- 2 cm, at worst 2 cm", "39 s, date unknown"]
-    {
+    for words in [
+        "the wheels turn the other way",
+        " m2 of floor in 1 room",
+        "position within 11 cm (95 %)",
+        "39 s, date unknown",
+    ] {
         assert!(svg.contains(words), "no {words:?} in the plan");
     }
     let lengths: Vec<f64> =

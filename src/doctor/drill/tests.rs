@@ -79,14 +79,12 @@ fn a_drill_names_each_mistake_and_no_other() {
                 "{sensors} sensors turned by {turned}: {mistakes:?}"
             );
         }
-        if sensors > 8 {
-            for turned_deg in [15.0_f64, -15.0] {
-                let mistakes = drill(Robot { turned_rad: turned_deg.to_radians(), ..RIGHT }, sensors);
-                assert!(
-                    matches!(mistakes[..], [Mistake::RingTurned(found)] if (found.to_degrees() - turned_deg).abs() < 6.0),
-                    "{sensors} sensors turned by {turned_deg} degrees: {mistakes:?}"
-                );
-            }
+        for turned_deg in [15.0_f64, -15.0, 12.0, -20.0] {
+            let mistakes = drill(Robot { turned_rad: turned_deg.to_radians(), ..RIGHT }, sensors);
+            assert!(
+                matches!(mistakes[..], [Mistake::RingTurned(found)] if (found.to_degrees() - turned_deg).abs() < 4.0),
+                "{sensors} sensors turned by {turned_deg} degrees: {mistakes:?}"
+            );
         }
         assert_eq!(drill(Robot { is_mirrored: true, ..RIGHT }, sensors), [Mistake::Mirrored], "{sensors}");
         assert_eq!(drill(Robot { is_swapped: true, ..RIGHT }, sensors), [Mistake::Swapped], "{sensors}");

@@ -76,27 +76,63 @@ impl Columns {
     fn parse(text: &str) -> Result<Self, String> {
         let items = || text.split(',').map(str::trim);
         if items().any(|item| item.contains('=')) {
-            let pairs = items().map(|item| {
-                let (ours, theirs) = item.split_once('=').unwrap_or((item, item));
-                role(ours.trim())?;
-                Ok((ours.trim().to_owned(), theirs.trim().to_owned()))
-            });
-            return pairs.collect::<Result<_, String>>().map(Self::Named);
+            let mut pairs = Vec::new();
+            for item in items() {
+                let (ours, theirs) =
+                    item.split_once('=').map_or((item, item), |(ours, theirs)| (ours.trim(), theirs.trim()));
+                match (series(ours), numbered(theirs)) {
+                    (Some(sensors), Some((name, first, last))) if last - first == sensors.len() - 1 => {
+                        let theirs = (first..=last).map(|number| format!("{name}{number}"));
+                        pairs.extend(sensors.into_iter().zip(theirs));
+                    }
+                    (Some(sensors), _) => {
+                        let count = sensors.len();
+                        return Err(format!(
+                            "\"{item}\": {count} columns are named as in r0-r{}=front0-front{}",
+                            count - 1,
+                            count - 1
+                        ));
+                    }
+                    (None, _) => {
+                        role(ours)?;
+                        pairs.push((ours.to_owned(), theirs.to_owned()));
+                    }
+                }
+            }
+            return Ok(Self::Named(pairs));
         }
         let mut names = Vec::new();
         for item in items() {
-            match item.split_once('-').map(|(first, last)| (role(first.trim()), role(last.trim()))) {
-                Some((Ok(Role::Range(first)), Ok(Role::Range(last)))) if first <= last && last < MAX_SENSORS => {
-                    names.extend((first..=last).map(|sensor| format!("r{sensor}")));
-                }
-                _ => {
-                    role(item)?;
-                    names.push(item.to_owned());
-                }
+            if let Some(sensors) = series(item) {
+                names.extend(sensors);
+            } else {
+                role(item)?;
+                names.push(item.to_owned());
             }
         }
         Ok(Self::InOrder(names))
     }
+}
+
+/// The names that `r0-r15` stands for.
+fn series(item: &str) -> Option<Vec<String>> {
+    let (first, last) = item.split_once('-')?;
+    match (role(first.trim()), role(last.trim())) {
+        (Ok(Role::Range(first)), Ok(Role::Range(last))) if first <= last => {
+            Some((first..=last).map(|sensor| format!("r{sensor}")).collect())
+        }
+        _ => None,
+    }
+}
+
+/// The name, the first and the last number of `front0-front15`.
+fn numbered(item: &str) -> Option<(&str, usize, usize)> {
+    let (first, last) = item.split_once('-')?;
+    let (first, last) = (first.trim(), last.trim());
+    let name = first.trim_end_matches(|character: char| character.is_ascii_digit());
+    let number = |item: &str| item.strip_prefix(name)?.parse::<usize>().ok().filter(|number| *number < 10_000);
+    let (first, last) = (number(first)?, number(last)?);
+    (first <= last).then_some((name, first, last))
 }
 
 /// More sensors than any ring has.
@@ -210,6 +246,12 @@ mod tests {
             Ok(vec![Range(0), Ignored, Range(1), Time])
         );
         assert_eq!(of(Some("-,r0,t_s"), None, 1), Ok(vec![Ignored, Range(0), Time]));
+        assert_eq!(
+            of(Some("t_s=time,r0-r1=sonar9-sonar10"), Some("sonar10,sonar9,time"), 2),
+            Ok(vec![Range(1), Range(0), Time])
+        );
+        let error = of(Some("t_s=time,r0-r2=sonar1-sonar2"), None, 3).unwrap_err();
+        assert!(error.contains("3 columns are named as in r0-r2=front0-front2"), "{error}");
     }
 
     #[test]

@@ -12,6 +12,7 @@ pub mod bag;
 pub mod carmen;
 mod columns;
 mod counts;
+mod dates;
 mod drive;
 mod ranges;
 mod recorder;

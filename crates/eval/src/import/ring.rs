@@ -14,7 +14,7 @@ use super::drive::{Drive, Found};
 use super::rows::{Filler, Row};
 use super::sequence::spread_equal;
 use super::table::{Record, Table, excerpt};
-use super::{ImportError, Options, SourceLine, text, tick_cells, times};
+use super::{ImportError, Options, SourceLine, dates, text, tick_cells, times};
 use slamd_core::Config;
 use std::f64::consts::TAU;
 use std::io::Read;
@@ -56,6 +56,13 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
     if rows.is_empty() {
         return Err(ImportError::Empty { file: file.into(), expected: "a header line and rows" });
     }
+    if has_dates(&table, &roles) {
+        if options.time_unit.is_some() {
+            let problem = "the stamps are dates and times: leave out --time-unit".into();
+            return Err(ImportError::Problem { file: file.into(), problem });
+        }
+        found.remarks.push("the stamps are dates and times, taken as UTC where they name no offset".into());
+    }
     let unit_s = options.time_unit.map_or(1.0, times::TimeUnit::seconds);
     for (row, cells) in rows.iter_mut().zip(&mut cells) {
         row.t_s *= unit_s;
@@ -84,10 +91,22 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
     Drive::new(rows, found, file, config, options)
 }
 
+/// True if the first stamp is a date or a time of day.
+fn has_dates(table: &Table<'_>, roles: &[Role]) -> bool {
+    let time = roles.iter().position(|role| *role == Role::Time);
+    let stamp = |record: &Record| time.and_then(|time| record.fields.get(time)).is_some_and(|cell| is_date(cell));
+    table.records().take(MAX_HEAD).any(|record| stamp(&record))
+}
+
+fn is_date(cell: &str) -> bool {
+    dates::seconds(cell).is_some()
+}
+
 /// Leaves out what stands before the first row, where the columns are named in order: another header, boot messages.
 fn skip_head(table: &mut Table<'_>, roles: &[Role], found: &mut Found) {
     let time = roles.iter().position(|role| *role == Role::Time).unwrap_or_default();
-    let is_row = |record: &Record| record.fields.get(time).is_some_and(|field| field.parse::<f64>().is_ok());
+    let is_row =
+        |record: &Record| record.fields.get(time).is_some_and(|field| field.parse::<f64>().is_ok() || is_date(field));
     let count = table.records().take(MAX_HEAD).position(|record| is_row(&record)).unwrap_or_default();
     let head = table.records().take(count).next();
     table.lines.drain(..count);
@@ -162,7 +181,10 @@ fn row(
         let is_empty = fields.get(column).is_none_or(String::is_empty);
         match role {
             _ if is_empty => {}
-            Role::Time => row.t_s = line.number(fields, column, "seconds")?,
+            Role::Time => {
+                let cell = fields.get(column).map(String::as_str).unwrap_or_default();
+                row.t_s = dates::seconds(cell).map_or_else(|| line.number(fields, column, STAMP), Ok)?;
+            }
             Role::Ticks(wheel) => {
                 let cell = fields.get(column).map(String::as_str).unwrap_or_default();
                 let count = tick_cells::count(cell).ok_or_else(|| line.error(cell, column, TICKS))?;
@@ -175,7 +197,7 @@ fn row(
                 let reading = if fields.get(column).is_some_and(is_none) {
                     f64::INFINITY
                 } else {
-                    line.value(fields, column, READING)?
+                    reading(line, fields, column)?
                 };
                 if let Some(cell) = row.readings.get_mut(*sensor) {
                     *cell = reading;
@@ -187,6 +209,23 @@ fn row(
     Ok((row, ticks))
 }
 
+/// The reading in a cell. A text may mean that there was no echo.
+fn reading(line: SourceLine<'_>, fields: &[String], column: usize) -> Result<f64, ImportError> {
+    line.value(fields, column, READING).map_err(|error| match fields.get(column) {
+        Some(word)
+            if !word.is_empty()
+                && word.len() <= MAX_WORD
+                && word.chars().all(|c| c.is_alphabetic() || "_-/".contains(c)) =>
+        {
+            line.error(word, column, &format!("{READING}; where it means no echo: --no-echo {word}"))
+        }
+        _ => error,
+    })
+}
+
+/// Longer words are no marks.
+const MAX_WORD: usize = 20;
+const STAMP: &str = "seconds, or a date and time such as 2026-05-01T12:00:00.5Z";
 const TICKS: &str = "a number of encoder ticks, or nothing";
 const READING: &str = "metres, at least 0, `inf` for no echo, or nothing or `nan` for no measurement";
 
@@ -218,6 +257,7 @@ mod tests {
         let read = |word: &str| row(&record, &roles, ("a.csv", 1), &[word.to_owned()]);
         assert_eq!(read("null").unwrap().0.readings, [f64::INFINITY]);
         let error = read("none").unwrap_err().to_string();
+        assert!(error.ends_with("where it means no echo: --no-echo NULL"), "{error}");
         assert!(error.contains("line 3, column 4: `NULL`: expected metres"), "{error}");
     }
 }

@@ -43,35 +43,51 @@ impl<'a> Table<'a> {
         self.lines.iter().map(|(line, text)| Record::new(*line, split(text, self.delimiter)))
     }
 
-    /// Splits a text. The header is the line with a column `first_column`; without one, `is_headless` says whether the header may be missing.
+    /// Splits a text. The header is the line with a column `first_column`, also one that is a comment; without one, `is_headless` says whether
+    /// the header may be missing.
     pub(super) fn read(text: &'a str, first_column: &str, is_headless: bool) -> Self {
         let end = if text.contains('\n') { '\n' } else { '\r' };
-        let is_row = |line: &str| !line.trim().is_empty() && !line.starts_with('#');
-        let lines = || (1..).zip(text.split(end)).filter(|(_, line): &(usize, &str)| is_row(line));
         let is_header =
             |line: &str| split(line, delimiter(line)).iter().any(|name| name.eq_ignore_ascii_case(first_column));
-        let header = lines().take(MAX_GARBAGE_LINES).find(|(_, line)| is_header(line)).map(|(number, _)| number);
+        let is_row = |line: &str| !line.trim().is_empty() && (!line.starts_with('#') || is_header(uncommented(line)));
+        let lines = || (1..).zip(text.split(end)).filter(|(_, line): &(usize, &str)| is_row(line));
+        let header = lines().take(MAX_GARBAGE_LINES).find(|(_, line)| is_header(uncommented(line)));
+        let header = header.map(|(number, _)| number);
         let first = header.or_else(|| lines().next().map(|(number, _)| number)).unwrap_or(1);
         let garbage = lines().next().filter(|(number, _)| *number < first).map(|(_, line)| excerpt(line.trim()));
         let body = || lines().skip_while(|(number, _)| *number < first);
-        let delimiter = body().next().map_or(',', |(_, line)| delimiter(line));
+        let delimiter = body().next().map_or(',', |(_, line)| delimiter(uncommented(line)));
         let has_header = header.is_some() || !is_headless;
         let head = body().next().filter(|_| has_header);
-        let header = head.map(|(line, text)| Record::new(line, split(text, delimiter)));
-        let lines = body().skip(usize::from(header.is_some())).collect();
+        let header = head.map(|(line, text)| Record::new(line, split(uncommented(text), delimiter)));
+        let rows = body().skip(usize::from(header.is_some()));
+        let lines = rows.filter(|(_, line)| !line.starts_with('#')).collect();
         Self { header, lines, delimiter, garbage, ends_with_line_feed: text.ends_with(end) }
     }
+}
+
+/// A line without the mark of a comment before it.
+fn uncommented(line: &str) -> &str {
+    line.trim_start_matches(['#', ' '])
 }
 
 /// The fields of a line, without the quotes around them.
 fn split(line: &str, delimiter: char) -> Vec<String> {
     let (mut fields, mut field, mut is_quoted) = (Vec::new(), String::new(), false);
+    // Spaces align columns: several are one.
+    let line = if delimiter == ' ' { line.trim_matches(PADDING) } else { line };
+    let is_between = |character: char| character == delimiter || (delimiter == ' ' && character == '\t');
     let mut characters = line.chars().peekable();
     while let Some(character) = characters.next() {
         match character {
             '"' if is_quoted && characters.peek() == Some(&'"') => field.extend(characters.next()),
             '"' => is_quoted = !is_quoted,
-            _ if character == delimiter && !is_quoted => fields.push(std::mem::take(&mut field)),
+            _ if is_between(character) && !is_quoted => {
+                while delimiter == ' ' && characters.peek().copied().is_some_and(is_between) {
+                    characters.next();
+                }
+                fields.push(std::mem::take(&mut field));
+            }
             _ => field.push(character),
         }
     }
@@ -79,10 +95,12 @@ fn split(line: &str, delimiter: char) -> Vec<String> {
     fields.into_iter().map(|field| field.trim_matches(PADDING).to_owned()).collect()
 }
 
-/// What separates the fields of a header.
+/// What separates the fields of a header: spaces only where nothing else does.
 fn delimiter(header: &str) -> char {
     let count = |delimiter: char| header.chars().filter(|character| *character == delimiter).count();
-    [',', ';', '\t', '|'].into_iter().max_by_key(|delimiter| (count(*delimiter), *delimiter == ',')).unwrap_or(',')
+    let found = [',', ';', '\t', '|'].into_iter().filter(|delimiter| count(*delimiter) > 0);
+    let default = if header.trim().contains(' ') { ' ' } else { ',' };
+    found.max_by_key(|delimiter| (count(*delimiter), *delimiter == ',')).unwrap_or(default)
 }
 
 /// The beginning of a text without control characters.
@@ -108,6 +126,9 @@ mod tests {
             "t_s\tr0\r0.5\t1,5\r",
             "# a comment\nt_s , r0\n\n0.5, 1.5",
             "t_s|r0\n0.5|1.5\n",
+            "t_s r0\n0.5 1.5\n",
+            "# t_s  r0\n  0,5   1,5\n# a comment\n",
+            "#t_s,r0\n0.5,1.5\n",
         ] {
             assert_eq!(fields(text), plain, "{text:?}");
         }

@@ -10,10 +10,13 @@ pub(crate) struct Drive {
     pub(crate) began_unix_us: Option<u64>,
     /// Seconds from the session's start to the newest pose.
     pub(crate) duration_s: f64,
-    /// Standard deviation of the position along its least certain direction, metres: at the newest pose, and the greatest.
-    pub(crate) sigma_m: Option<[f64; 2]>,
+    /// The true position is within this distance in 19 of 20 cases, metres: at the newest pose, and the greatest; poses that are called
+    /// uncertain do not count.
+    pub(crate) within_m: Option<[f64; 2]>,
     /// Seconds of uncertain poses.
     pub(crate) uncertain_s: f64,
+    /// The newest pose is uncertain.
+    pub(crate) is_lost: bool,
 }
 
 impl Drive {
@@ -28,11 +31,16 @@ impl Drive {
 
     /// How sure the poses are.
     pub(super) fn certainty(&self) -> String {
-        let sigma = self
-            .sigma_m
-            .map(|[last_m, greatest_m]| format!("position +- {}, at worst {}", length(last_m), length(greatest_m)));
-        let uncertain = (self.uncertain_s > 0.0).then(|| format!("uncertain for {:.0} s", self.uncertain_s.ceil()));
-        [sigma, uncertain].into_iter().flatten().collect::<Vec<_>>().join(", ")
+        let within =
+            self.within_m.map(|[last_m, greatest_m]| match (self.is_lost, length(last_m), length(greatest_m)) {
+                (true, _, greatest) => format!("position within {greatest} while certain (95 %)"),
+                (false, last, greatest) if last == greatest => format!("position within {last} (95 %)"),
+                (false, last, greatest) => format!("position within {last}, at worst {greatest} (95 %)"),
+            });
+        let end = if self.is_lost { " to the end" } else { "" };
+        let uncertain =
+            (self.uncertain_s > 0.0).then(|| format!("uncertain for {:.0} s{end}", self.uncertain_s.ceil()));
+        [within, uncertain].into_iter().flatten().collect::<Vec<_>>().join(", ")
     }
 }
 
@@ -77,11 +85,13 @@ mod tests {
 
     #[test]
     fn a_drive_is_told_in_words() {
-        let drive = Drive { began_unix_us: None, duration_s: 179.5, sigma_m: Some([0.021, 0.056]), uncertain_s: 3.2 };
+        let drive = Drive { duration_s: 179.5, within_m: Some([0.081, 0.156]), uncertain_s: 3.2, ..Drive::default() };
         assert_eq!(drive.when(), "3 min, date unknown");
-        assert_eq!(drive.certainty(), "position +- 2 cm, at worst 6 cm, uncertain for 4 s");
+        assert_eq!(drive.certainty(), "position within 8 cm, at worst 16 cm (95 %), uncertain for 4 s");
         assert_eq!(Drive::default().certainty(), "");
-        let lost = Drive { sigma_m: Some([3.0, 3.0]), ..Drive::default() };
-        assert_eq!(lost.certainty(), "position +- 3.0 m, at worst 3.0 m");
+        let lost = Drive { is_lost: true, ..drive };
+        assert_eq!(lost.certainty(), "position within 16 cm while certain (95 %), uncertain for 4 s to the end");
+        let same = Drive { within_m: Some([0.1, 0.104]), ..Drive::default() };
+        assert_eq!(same.certainty(), "position within 10 cm (95 %)");
     }
 }

@@ -53,8 +53,8 @@ fn draw_floor_entries(line: &mut LegendEntry<'_>, scene: &Scene<'_>) {
     let plan = scene.plan;
     let rooms = match plan.rooms.len() {
         0 => "no room is closed by walls".into(),
-        1 => format!("{:.1} m2 in 1 room", plan.floor_m2()),
-        many => format!("{:.1} m2 in {many} rooms", plan.floor_m2()),
+        1 => format!("{:.1} m2 of floor in 1 room", plan.floor_m2()),
+        many => format!("{:.1} m2 of floor in {many} rooms", plan.floor_m2()),
     };
     line.words(&rooms, TEXT);
     if !plan.gaps.is_empty() {
@@ -63,7 +63,7 @@ fn draw_floor_entries(line: &mut LegendEntry<'_>, scene: &Scene<'_>) {
     }
     if !plan.rooms.is_empty() {
         line.swatch(OUTSIDE);
-        line.words("seen from afar only", FAINT);
+        line.words(&format!("{:.1} m2 seen from afar only", plan.afar_m2), FAINT);
     }
 }
 

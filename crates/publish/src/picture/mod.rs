@@ -106,12 +106,26 @@ impl<'a> Sheet<'a> {
             plan.layer("robot");
             draw_robot(plan, &self.floor, scene);
             plan.layer("measures");
-            labels::draw(plan, &self.floor, scene.plan);
+            labels::draw(plan, &self.floor, scene.plan, &mut self.drawn(scene));
         });
         let top = (FRAME_PX + height + FRAME_PX / 2) as f64;
         canvas.layer("legend");
         legend::draw(canvas, top, scene, &self.floor);
         legend::draw_doubts(canvas, top + legend::HEIGHT_PX as f64, scene.doubts);
+    }
+}
+
+impl Sheet<'_> {
+    /// What stands in the way of labels: the path, its start and the robot.
+    fn drawn(&self, scene: &Scene<'_>) -> labels::Drawn {
+        let pixel = |point: &Point| self.floor.pixel(*point);
+        let paths: Vec<Vec<Pixel>> =
+            scene.path.iter().map(|stretch| stretch.points.iter().map(pixel).collect()).collect();
+        let start = paths.first().and_then(|path| path.first()).map(|start| (*start, 9.0));
+        let mark = robot_mark(&self.floor, scene);
+        let robot = (self.floor.pixel(scene.pose.position()), mark.body_px + mark.beam_px);
+        let circles: Vec<(Pixel, f64)> = start.into_iter().chain([robot]).collect();
+        labels::Drawn::new(paths.iter().map(Vec::as_slice), &circles)
     }
 }
 
@@ -172,14 +186,18 @@ fn draw_start(canvas: &mut dyn Surface, at: Pixel) {
 }
 
 fn draw_robot(canvas: &mut dyn Surface, floor: &Floor<'_>, scene: &Scene<'_>) {
+    let mark = robot_mark(floor, scene);
+    mark.draw(canvas, floor.pixel(scene.pose.position()), scene.pose.theta_rad);
+}
+
+fn robot_mark<'a>(floor: &Floor<'_>, scene: &Scene<'a>) -> RobotMark<'a> {
     let scale = floor.scale_px_m();
-    let mark = RobotMark {
+    RobotMark {
         ring: scene.ring,
         states: scene.states,
         body_px: (robot::body_m(scene.ring) * scale).max(8.0),
         beam_px: (BEAM_M * scale).clamp(14.0, 40.0),
-    };
-    mark.draw(canvas, floor.pixel(scene.pose.position()), scene.pose.theta_rad);
+    }
 }
 
 const REDUCTIONS: [f64; 6] = [20.0, 50.0, 100.0, 200.0, 500.0, 1000.0];

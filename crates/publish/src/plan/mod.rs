@@ -15,7 +15,7 @@ use walls::{Cell, Lines};
 /// A larger raster is no home, and is shown without rooms: 100 m x 100 m at 5 cm.
 const MAX_CELLS: usize = 4_000_000;
 /// Below this a room is a corner that bridges cut off: it counts to no room of its own. Square metres.
-const MIN_ROOM_M2: f64 = 0.5;
+const MIN_ROOM_M2: f64 = 1.0;
 
 /// What is so far beside a wall is beside it, metres.
 const BESIDE_M: f64 = 0.3;
@@ -63,13 +63,19 @@ impl Wall {
 }
 
 /// A closed free area in which the robot was.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Room {
     /// Its free area, square metres.
     pub(super) area_m2: f64,
-    /// The point in it that is farthest from all walls.
-    pub(super) middle: Point,
-    /// That distance, metres.
+    /// Points far from all walls and from each other, the farthest first.
+    pub(super) spots: Vec<Spot>,
+}
+
+/// A point of a room.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Spot {
+    pub(super) at: Point,
+    /// Its distance from all walls, metres.
     pub(super) radius_m: f64,
 }
 
@@ -82,6 +88,8 @@ pub(super) struct Plan {
     pub(super) gaps: Vec<[Point; 2]>,
     /// The rooms, the largest first.
     pub(super) rooms: Vec<Room>,
+    /// What is known beyond the rooms and what stands in them, square metres.
+    pub(super) afar_m2: f64,
     /// Per cell of the raster: is it inside? Empty if the raster is too large for a plan, or the robot was nowhere in it.
     inside: Vec<bool>,
 }
@@ -97,6 +105,7 @@ impl Plan {
         let regions = Regions::new(raster, &lines, &visited);
         let mut rooms: Vec<Room> = regions.rooms().into_iter().filter(|room| room.area_m2 >= MIN_ROOM_M2).collect();
         rooms.sort_by(|a, b| b.area_m2.total_cmp(&a.area_m2));
+        let gaps: Vec<[Cell; 2]> = lines.gaps().filter(|gap| rooms.is_empty() || regions.are_parted_by(gap)).collect();
         let inside = if rooms.is_empty() { Vec::new() } else { regions.into_inside() };
         let touches = |wall: &walls::Line| {
             let touching = wall.cells().filter(|cell| is_set(raster, &inside, *cell)).count();
@@ -108,8 +117,15 @@ impl Plan {
             wall.is_outside_at_the_lower_side = !beside.is_some_and(|cell| is_set(raster, &inside, cell));
         }
         walls.sort_by(|a, b| b.length_m().total_cmp(&a.length_m()));
-        let gaps = lines.gaps().filter(|gap| inside.is_empty() || is_beside(raster, &inside, gap));
-        Self { walls, gaps: gaps.map(|gap| gap.map(|cell| middle_of(raster, cell))).collect(), rooms, inside }
+        let is_afar = |(percent, inside): (&i8, &bool)| *percent != Raster::UNKNOWN && !inside;
+        let afar = raster.occupancy.iter().zip(&inside).filter(|cell| is_afar(*cell)).count();
+        Self {
+            walls,
+            gaps: gaps.into_iter().map(|gap| gap.map(|cell| middle_of(raster, cell))).collect(),
+            rooms,
+            afar_m2: afar as f64 * raster.cell_m * raster.cell_m,
+            inside,
+        }
     }
 
     /// Where the cell with this index in the raster is.
@@ -125,13 +141,6 @@ impl Plan {
 
 fn is_set(raster: &Raster, inside: &[bool], (x, y): Cell) -> bool {
     inside.get(y * raster.width + x) == Some(&true)
-}
-
-/// True if the middle of a gap is beside a room.
-fn is_beside(raster: &Raster, inside: &[bool], [from, to]: &[Cell; 2]) -> bool {
-    let middle = (usize::midpoint(from.0, to.0), usize::midpoint(from.1, to.1));
-    let around = |at: usize, side: usize| at.saturating_sub(2)..(at + 3).min(side);
-    around(middle.1, raster.height).any(|y| around(middle.0, raster.width).any(|x| is_set(raster, inside, (x, y))))
 }
 
 /// The middle of a cell, in the map frame.

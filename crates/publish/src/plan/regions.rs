@@ -1,7 +1,7 @@
 //! Free cells that walls and bridges enclose.
 
-use super::walls::{Cell, Lines};
-use super::{Room, middle_of, whole};
+use super::walls::{Cell, Lines, between};
+use super::{Room, Spot, middle_of, whole};
 use crate::map_file::{FREE_PERCENT, OCCUPIED_PERCENT};
 use slamd_core::Raster;
 use std::collections::VecDeque;
@@ -10,6 +10,12 @@ use std::collections::VecDeque;
 const FLOOR_PERCENT: i8 = 50;
 /// Walls and furniture within this distance of a room's floor belong to the room, metres.
 const DEPTH_M: f64 = 0.3;
+
+/// What is so far from a gap is beside it, metres.
+const BESIDE_GAP_M: f64 = 0.15;
+/// Spots of a room are so far apart, metres, and are so many at most.
+const SPOTS_APART_M: f64 = 0.3;
+const MAX_SPOTS: usize = 100;
 
 /// The label of cells that are in no room.
 const NONE: u16 = 0;
@@ -59,24 +65,50 @@ impl<'a> Regions<'a> {
         }
     }
 
-    /// Each room with its area and its middle.
+    /// Each room with its area and its spots.
     pub(super) fn rooms(&self) -> Vec<Room> {
-        let depth = self.depth();
-        let mut rooms: Vec<(usize, usize, u16)> = vec![(0, 0, 0); usize::from(self.count)];
+        let (depth, width) = (self.depth(), self.raster.width);
+        let mut rooms: Vec<(usize, Vec<(u16, usize)>)> = vec![(0, Vec::new()); usize::from(self.count)];
+        let apart = whole((SPOTS_APART_M / self.raster.cell_m).round()).max(1);
         for (index, label) in self.labels.iter().enumerate() {
             let Some(room) = usize::from(*label).checked_sub(1).and_then(|room| rooms.get_mut(room)) else { continue };
             room.0 += 1;
-            if depth[index] > room.2 {
-                (room.1, room.2) = (index, depth[index]);
+            if room.1.first().is_none_or(|(deepest, _)| depth[index] > *deepest) {
+                room.1.insert(0, (depth[index], index));
+            } else if (index % width) % apart == 0 && (index / width) % apart == 0 {
+                room.1.push((depth[index], index));
             }
         }
         let cell_m = self.raster.cell_m;
-        let room = |(cells, index, depth): (usize, usize, u16)| Room {
-            area_m2: cells as f64 * cell_m * cell_m,
-            middle: middle_of(self.raster, (index % self.raster.width, index / self.raster.width)),
+        let spot = |(depth, index): (u16, usize)| Spot {
+            at: middle_of(self.raster, (index % width, index / width)),
             radius_m: f64::from(depth) / 3.0 * cell_m,
         };
+        let room = |(cells, mut spots): (usize, Vec<(u16, usize)>)| {
+            spots.sort_by_key(|(depth, index)| (std::cmp::Reverse(*depth), *index));
+            spots.truncate(MAX_SPOTS);
+            Room { area_m2: cells as f64 * cell_m * cell_m, spots: spots.into_iter().map(spot).collect() }
+        };
         rooms.into_iter().map(room).collect()
+    }
+
+    /// True if a gap has a room at one side and something else at the other, at most of its length.
+    pub(super) fn are_parted_by(&self, [from, to]: &[Cell; 2]) -> bool {
+        let (dx, dy) = (from.0.abs_diff(to.0), from.1.abs_diff(to.1));
+        let reach = whole((BESIDE_GAP_M / self.raster.cell_m).round()).max(1);
+        let label = |(x, y): Cell, is_lower: bool| {
+            let beside = |at: usize| if is_lower { at.checked_sub(reach) } else { at.checked_add(reach) };
+            let (x, y) = if dx >= dy { (Some(x), beside(y)) } else { (beside(x), Some(y)) };
+            let cell = x.zip(y).filter(|(x, y)| *x < self.raster.width && *y < self.raster.height);
+            cell.map_or(NONE, |(x, y)| self.labels[y * self.raster.width + x])
+        };
+        let is_room = |label: u16| label != NONE && label != BARRIER;
+        let parts = |cell: &Cell| {
+            let (lower, upper) = (label(*cell, true), label(*cell, false));
+            (is_room(lower) || is_room(upper)) && lower != upper && lower != BARRIER && upper != BARRIER
+        };
+        let cells: Vec<Cell> = between([*from, *to]).collect();
+        2 * cells.iter().filter(|cell| parts(cell)).count() > cells.len()
     }
 
     /// How far each cell of a room is from what is not of this room, in thirds of a cell: a chamfer distance with the weights 3 and 4.

@@ -264,7 +264,7 @@ fn join(mut lines: Vec<Line>, apart: usize, max_gap: usize) -> Vec<Line> {
 }
 
 /// The cells of a straight line, each a neighbour of the next.
-fn between([from, to]: [Cell; 2]) -> impl Iterator<Item = Cell> {
+pub(super) fn between([from, to]: [Cell; 2]) -> impl Iterator<Item = Cell> {
     let steps = from.0.abs_diff(to.0).max(from.1.abs_diff(to.1));
     let at = move |from: usize, to: usize, step: usize| {
         let moved = (from.abs_diff(to) * step + steps / 2) / steps.max(1);

@@ -5,6 +5,7 @@
 //! the pose of the odometry becomes the counts that would have given it. Messages of one time are one row.
 
 mod cdr;
+mod mcap_file;
 mod message;
 mod sqlite;
 mod storage;
@@ -38,8 +39,9 @@ pub fn read(path: &Path, config: &Config, options: &Options) -> Result<Drive, Im
     let sonars = sonars(&bag);
     let has_scan = bag.entries.iter().any(|entry| matches!(entry.message, Message::Scan { .. }));
     if sonars.is_empty() && !has_scan {
+        let damage: String = bag.remarks.iter().map(|remark| format!("{remark}; ")).collect();
         return Err(problem(format!(
-            "no sensor_msgs/msg/Range and no LaserScan in {} messages; it has {}",
+            "{damage}no sensor_msgs/msg/Range and no LaserScan in {} messages; it has {}",
             bag.messages,
             if bag.others.is_empty() { "no other topic".into() } else { list(&bag.others) }
         )));

@@ -27,6 +27,45 @@ pub(super) struct Database<'a> {
     usable: usize,
 }
 
+/// A page of a tree.
+struct Node<'a> {
+    page: &'a [u8],
+    header: &'a [u8],
+    is_leaf: bool,
+    cells: usize,
+}
+
+/// What of a table cannot be read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Lost {
+    /// Pages, each with the rows below it.
+    pages: u32,
+    /// Single rows.
+    rows: u32,
+}
+
+impl Lost {
+    /// What is missing, in words; nothing if nothing is. `stamps_ns` are the times of the rows that could be read, in order.
+    pub(super) fn sentences(self, stamps_ns: &[i64]) -> Vec<String> {
+        let Self { pages, rows } = self;
+        if pages == 0 && rows == 0 {
+            return Vec::new();
+        }
+        let first_ns = stamps_ns.first().copied().unwrap_or_default();
+        let seconds = |at_ns: i64| 1e-9 * at_ns.saturating_sub(first_ns) as f64;
+        let gap_s = |pair: &&[i64]| pair.iter().rev().copied().reduce(i64::saturating_sub).unwrap_or_default();
+        let widest = stamps_ns.windows(2).max_by_key(gap_s).unwrap_or_default();
+        let (count, last_s) = (stamps_ns.len(), stamps_ns.last().map_or(0.0, |last| seconds(*last)));
+        let gap = match widest {
+            [from, to] => format!(", the widest gap is from {:.1} s to {:.1} s", seconds(*from), seconds(*to)),
+            _ => String::new(),
+        };
+        vec![format!(
+            "damaged or cut off: {pages} pages and {rows} single messages of the database cannot be read; the {count} messages that could be read go to {last_s:.1} s of the bag{gap}"
+        )]
+    }
+}
+
 /// Trees are not deeper.
 const MAX_DEPTH: u32 = 30;
 const FILE_HEADER: usize = 100;
@@ -44,10 +83,10 @@ impl<'a> Database<'a> {
         Some(Self { bytes, page_size, usable })
     }
 
-    /// All rows of a table: the columns that are asked for. The primary key of a table is its row's number. None if there is no such table or
-    /// column, or the file is damaged.
-    pub(super) fn table(&self, name: &str, columns: &[&str]) -> Option<Vec<Vec<Value>>> {
-        let schema = self.rows(1)?;
+    /// The rows of a table, the columns that are asked for, and what of it cannot be read. The primary key of a table is its row's number. None
+    /// if there is no such table or column.
+    pub(super) fn table(&self, name: &str, columns: &[&str]) -> Option<(Vec<Vec<Value>>, Lost)> {
+        let (schema, _) = self.rows(1);
         let (root, sql) = schema.into_iter().find_map(|(_, row)| match row.as_slice() {
             [kind, _, table, Value::Whole(root), sql, ..] if kind.text() == "table" && table.text() == name => {
                 Some((*root, sql.text()))
@@ -70,7 +109,8 @@ impl<'a> Database<'a> {
             };
             wanted.iter().map(value).collect()
         };
-        Some(self.rows(u32::try_from(root).ok()?)?.into_iter().map(pick).collect())
+        let (rows, lost) = self.rows(u32::try_from(root).ok()?);
+        Some((rows.into_iter().map(pick).collect(), lost))
     }
 
     fn page(&self, number: u32) -> Option<&'a [u8]> {
@@ -78,16 +118,44 @@ impl<'a> Database<'a> {
         self.bytes.get(start..start.checked_add(self.usable)?)
     }
 
-    /// The rows of the tree at a page, with their numbers.
-    fn rows(&self, root: u32) -> Option<Vec<(i64, Vec<Value>)>> {
-        let (mut rows, mut pages) = (Vec::new(), self.bytes.len() / self.page_size);
-        self.walk(root, MAX_DEPTH, &mut pages, &mut rows)?;
-        Some(rows)
+    /// The rows of the tree at a page, with their numbers, and what of it cannot be read.
+    fn rows(&self, root: u32) -> (Vec<(i64, Vec<Value>)>, Lost) {
+        let (mut rows, mut lost, mut pages) = (Vec::new(), Lost::default(), self.bytes.len() / self.page_size + 1);
+        self.walk(root, MAX_DEPTH, &mut pages, &mut rows, &mut lost);
+        (rows, lost)
     }
 
     /// `pages` is how many may still be read: a damaged tree may have a loop.
-    fn walk(&self, number: u32, depth: u32, pages: &mut usize, rows: &mut Vec<(i64, Vec<Value>)>) -> Option<()> {
-        (*pages, _) = (pages.checked_sub(1)?, ());
+    fn walk(&self, number: u32, depth: u32, pages: &mut usize, rows: &mut Vec<(i64, Vec<Value>)>, lost: &mut Lost) {
+        let node = pages.checked_sub(1).zip(depth.checked_sub(1)).zip(self.node(number));
+        let Some(((left, depth), Node { page, header, is_leaf, cells })) = node else {
+            lost.pages += 1;
+            return;
+        };
+        *pages = left;
+        let pointers = header.get(if is_leaf { 8 } else { 12 }..).unwrap_or_default();
+        for cell in 0..cells {
+            let at =
+                pointers.get(2 * cell..).and_then(<[u8]>::first_chunk).map(|at| usize::from(u16::from_be_bytes(*at)));
+            let cell = at.and_then(|at| page.get(at..)).unwrap_or_default();
+            if is_leaf {
+                match self.leaf(cell) {
+                    Some(row) => rows.push(row),
+                    None => lost.rows += 1,
+                }
+            } else {
+                let below = cell.first_chunk().map_or(0, |number| u32::from_be_bytes(*number));
+                self.walk(below, depth, pages, rows, lost);
+            }
+        }
+        if !is_leaf {
+            let last = header.get(8..).and_then(<[u8]>::first_chunk).map_or(0, |number| u32::from_be_bytes(*number));
+            self.walk(last, depth, pages, rows, lost);
+        }
+    }
+
+    /// The page of a tree; none if it is no such page.
+    fn node(&self, number: u32) -> Option<Node<'a>> {
         let page = self.page(number)?;
         let header = page.get(if number == 1 { FILE_HEADER } else { 0 }..)?;
         let is_leaf = match header.first()? {
@@ -96,21 +164,8 @@ impl<'a> Database<'a> {
             _ => return None,
         };
         let cells = usize::from(u16::from_be_bytes(*header.get(3..)?.first_chunk()?));
-        let pointers = header.get(if is_leaf { 8 } else { 12 }..)?;
-        for cell in 0..cells {
-            let at = usize::from(u16::from_be_bytes(*pointers.get(2 * cell..)?.first_chunk()?));
-            let cell = page.get(at..)?;
-            if is_leaf {
-                rows.push(self.leaf(cell)?);
-            } else {
-                self.walk(u32::from_be_bytes(*cell.first_chunk()?), depth.checked_sub(1)?, pages, rows)?;
-            }
-        }
-        if is_leaf {
-            Some(())
-        } else {
-            self.walk(u32::from_be_bytes(*header.get(8..)?.first_chunk()?), depth.checked_sub(1)?, pages, rows)
-        }
+        // A cell takes two bytes at least, and its pointer two.
+        (4 * cells <= page.len()).then_some(Node { page, header, is_leaf, cells })
     }
 
     fn leaf(&self, cell: &[u8]) -> Option<(i64, Vec<Value>)> {
@@ -215,6 +270,7 @@ mod tests {
         bytes[100] = 0x05;
         bytes[100 + 11] = 1;
         assert!(Database::new(&bytes).unwrap().table("topics", &["id"]).is_none());
+        assert!(Database::new(&bytes).unwrap().rows(1).1.pages > 0);
         assert!(Database::new(b"SQLite format 3\0").is_none());
     }
 }

@@ -1,10 +1,10 @@
 //! The files of a ROS 2 bag: MCAP or SQLite, alone or in a folder with `metadata.yaml`.
 
 use super::super::ImportError;
+use super::mcap_file;
 use super::message::{Kind, Message};
 use super::sqlite::{Database, Value};
 use mcap::records::Record;
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use slamd_files::regular;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Read};
@@ -31,6 +31,8 @@ pub(super) struct Bag {
     /// False if the end of a file is missing.
     pub(super) is_whole: bool,
     pub(super) remarks: Vec<String>,
+    /// How many messages are not of their type, and the first of them in words.
+    unread: Option<(u64, String)>,
     /// The name of the file in a folder, for remarks; empty where the bag is a file.
     part: String,
 }
@@ -88,47 +90,32 @@ impl Bag {
             let decoder = zstd::stream::read::Decoder::new(bytes.as_slice()).map_err(damaged)?;
             bytes = begin_and_rest(decoder, path, MAX_STREAM_BYTES).map_err(|error| error.unwrap_or_else(damaged))?;
         }
-        if bytes.starts_with(mcap::MAGIC) { self.mcap(&bytes, path) } else { self.sqlite(&bytes, path) }
+        if bytes.starts_with(mcap::MAGIC) { self.mcap(&bytes, path) } else { self.sqlite(&bytes, path) }?;
+        self.check_unread(path)
     }
 
-    fn take(&mut self, topic: &str, kind: Kind, logged_s: f64, data: &[u8], path: &Path) -> Result<(), ImportError> {
+    fn take(&mut self, topic: &str, kind: Kind, logged_s: f64, data: &[u8]) {
         // A bag whose messages are compressed one by one.
         let unpacked = if data.starts_with(ZSTD) { unpacked(data, MAX_MESSAGE_BYTES) } else { None };
         let Some((stamp_s, message)) = kind.read(unpacked.as_deref().unwrap_or(data)) else {
             let number = self.messages;
-            return Err(problem(
-                path,
-                &format!("message {number}, topic {topic}: its bytes are no {kind:?} message in CDR"),
-            ));
+            let first = || (0, format!("message {number}, topic {topic}: its bytes are no {kind:?} message in CDR"));
+            self.unread.get_or_insert_with(first).0 += 1;
+            return;
         };
         let at_s = if stamp_s > 0.0 { stamp_s } else { logged_s };
         self.entries.push(Entry { topic: topic.into(), number: self.messages, at_s, message });
-        Ok(())
     }
 
     fn mcap(&mut self, bytes: &[u8], path: &Path) -> Result<(), ImportError> {
-        let mut reader = LinearReader::new_with_options(LinearReaderOptions::default());
-        let (mut rest, mut schemas, mut channels) = (bytes, BTreeMap::new(), BTreeMap::new());
-        while let Some(event) = reader.next_event() {
-            let record = match event {
-                Ok(LinearReadEvent::ReadRequest(wanted)) => {
-                    let (given, behind) = rest.split_at(wanted.min(rest.len()));
-                    reader.insert(given.len()).copy_from_slice(given);
-                    reader.notify_read(given.len());
-                    rest = behind;
-                    continue;
-                }
-                Ok(LinearReadEvent::Record { opcode, data }) => {
-                    mcap::parse_record(opcode, data).map(Record::into_owned)
-                }
-                Err(error) => Err(error),
-            };
+        let (mut schemas, mut channels) = (BTreeMap::new(), BTreeMap::new());
+        let take = |record: Record<'_>| {
             match record {
-                Ok(Record::Header(header)) if header.profile == "slamd" => {
+                Record::Header(header) if header.profile == "slamd" => {
                     return Err(problem(path, "a capture of slamd: `slamd replay` runs it"));
                 }
-                Ok(Record::Schema { header, .. }) => drop(schemas.insert(header.id, header.name)),
-                Ok(Record::Channel(channel)) => {
+                Record::Schema { header, .. } => drop(schemas.insert(header.id, header.name)),
+                Record::Channel(channel) => {
                     let kind = schemas.get(&channel.schema_id).and_then(|name| Kind::of(name));
                     if kind.is_none() {
                         let name = schemas.get(&channel.schema_id).cloned().unwrap_or_default();
@@ -136,27 +123,40 @@ impl Bag {
                     }
                     channels.insert(channel.id, (channel.topic, kind));
                 }
-                Ok(Record::Message { header, data }) => {
+                Record::Message { header, data } => {
                     self.messages += 1;
                     if let Some((topic, Some(kind))) = channels.get(&header.channel_id) {
-                        self.take(topic, *kind, 1e-9 * header.log_time as f64, &data, path)?;
+                        self.take(topic, *kind, 1e-9 * header.log_time as f64, &data);
                     }
                 }
-                Ok(_) => {}
-                Err(mcap::McapError::UnsupportedCompression(compression)) => {
-                    let text = format!(
-                        "its chunks are compressed with {compression}: rewrite it with `mcap compress --compression none`"
-                    );
-                    return Err(problem(path, &text));
-                }
-                Err(error) => {
-                    self.is_whole = false;
-                    let part = &self.part;
-                    self.remarks.push(format!("{part}damaged or cut off ({error}); what was readable is used"));
-                    return Ok(());
-                }
+                _ => {}
             }
+            Ok(())
+        };
+        let losses = mcap_file::read(bytes, take, |compression| {
+            let text = format!(
+                "its chunks are compressed with {compression}: rewrite it with `mcap compress --compression none`"
+            );
+            problem(path, &text)
+        })?;
+        self.lose(losses.sentences());
+        Ok(())
+    }
+
+    /// Parts of the file cannot be read.
+    fn lose(&mut self, sentences: Vec<String>) {
+        self.is_whole &= sentences.is_empty();
+        let part = &self.part;
+        self.remarks.extend(sentences.iter().map(|sentence| format!("{part}{sentence}")));
+    }
+
+    /// Messages that are not of their type: a few are damage, all are another encoding.
+    fn check_unread(&mut self, path: &Path) -> Result<(), ImportError> {
+        let Some((count, first)) = self.unread.take() else { return Ok(()) };
+        if self.entries.is_empty() {
+            return Err(problem(path, &first));
         }
+        self.lose(vec![format!("{first}; {count} such messages are left out")]);
         Ok(())
     }
 
@@ -169,12 +169,19 @@ impl Bag {
                 "its recorder was killed, and a part is still in the file -wal: open it once with `sqlite3 FILE .tables`",
             ));
         }
-        let damaged = || problem(path, "no ROS 2 bag, or a damaged one: its tables topics and messages cannot be read");
+        let damaged = || {
+            problem(
+                path,
+                "no ROS 2 bag, or one too damaged to be read: its tables topics and messages are not there; try `sqlite3 FILE .recover | sqlite3 NEW.db3`",
+            )
+        };
         let database = Database::new(bytes).ok_or_else(damaged)?;
-        let topics = database.table("topics", &["id", "name", "type"]).ok_or_else(damaged)?;
-        let mut messages = database.table("messages", &["topic_id", "timestamp", "data"]).ok_or_else(damaged)?;
+        let (topics, _) = database.table("topics", &["id", "name", "type"]).ok_or_else(damaged)?;
+        let (mut messages, lost) =
+            database.table("messages", &["topic_id", "timestamp", "data"]).ok_or_else(damaged)?;
         let stamp = |row: &Vec<Value>| if let Some(Value::Whole(ns)) = row.get(1) { *ns } else { 0 };
         messages.sort_by_key(stamp);
+        self.lose(lost.sentences(&messages.iter().map(stamp).collect::<Vec<_>>()));
         let mut kinds = BTreeMap::new();
         for row in topics {
             let [Value::Whole(id), name, kind] = row.as_slice() else { return Err(damaged()) };
@@ -186,10 +193,10 @@ impl Bag {
         for row in messages {
             self.messages += 1;
             let [Value::Whole(topic), Value::Whole(ns), Value::Bytes(data)] = row.as_slice() else {
-                return Err(damaged());
+                continue;
             };
             if let Some((topic, Some(kind))) = kinds.get(topic) {
-                self.take(topic, *kind, 1e-9 * *ns as f64, data, path)?;
+                self.take(topic, *kind, 1e-9 * *ns as f64, data);
             }
         }
         Ok(())
@@ -313,7 +320,7 @@ mod tests {
         let path = folder.path().join("cut.mcap");
         std::fs::write(&path, mcap::MAGIC).unwrap();
         let said = |path: &Path| Bag::read(path).unwrap().remarks.join("\n");
-        assert!(said(&path).starts_with("damaged or cut off ("), "{}", said(&path));
-        assert!(said(folder.path()).starts_with("cut.mcap: damaged or cut off ("), "{}", said(folder.path()));
+        assert!(said(&path).starts_with("cut off: it ends 0.0 s after"), "{}", said(&path));
+        assert!(said(folder.path()).starts_with("cut.mcap: cut off: it ends"), "{}", said(folder.path()));
     }
 }
