@@ -21,7 +21,7 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 use unit::Unit;
 
-const UNIT: &str = include_str!("../../../configs/systemd/slamd.service");
+const UNIT: &str = include_str!("../../configs/systemd/slamd.service");
 const SOON: Duration = Duration::from_secs(30);
 
 /// The host's side: what the sandbox shows of it, and what it must not.
@@ -176,8 +176,7 @@ fn the_service_works_inside_its_sandbox() {
     assert!(records > 100, "{records}");
     // The next start resumes the session.
     let mut again = host.service(&unit);
-    again.expect("resumed", SOON);
-    again.expect("link: streaming", SOON);
+    again.expect("poses and map begin after 0 s", SOON);
     let id = below(again.pid(), "slamd").unwrap();
     assert!(Command::new("kill").args(["-s", "TERM", &id.to_string()]).status().unwrap().success());
     again.wait();

@@ -101,7 +101,7 @@ impl Unit {
     /// # Panics
     /// At a key that is neither translated nor known to need no translation.
     pub(super) fn read(text: &str) -> Self {
-        let service = text.split("[Service]").nth(1).unwrap().split("\n[").next().unwrap();
+        let service = text.split("\n[Service]\n").nth(1).unwrap().split("\n[").next().unwrap();
         let lines = service.lines().filter(|line| !line.starts_with('#'));
         let pairs = lines.filter_map(|line| line.split_once('=')).map(|(key, value)| (key.into(), value.into()));
         let unit = Self(pairs.collect());
@@ -113,12 +113,12 @@ impl Unit {
     }
 
     pub(super) fn value(&self, key: &str) -> Option<&str> {
-        self.values(key).last()
+        self.values(key).last().copied()
     }
 
     /// All values of a key that can be given again.
-    pub(super) fn values<'a>(&'a self, key: &'a str) -> impl Iterator<Item = &'a str> {
-        self.0.iter().filter(move |(name, _)| name == key).map(|(_, value)| value.as_str())
+    pub(super) fn values(&self, key: &str) -> Vec<&str> {
+        self.0.iter().filter(|(name, _)| name == key).map(|(_, value)| value.as_str()).collect()
     }
 
     pub(super) fn is(&self, key: &str) -> bool {
@@ -141,7 +141,7 @@ impl Unit {
     fn files(&self, places: &Places<'_>) -> Vec<String> {
         let mut arguments: Vec<String> = Vec::new();
         let mut say = |words: &[&str]| arguments.extend(words.iter().map(|word| (*word).to_owned()));
-        let states: Vec<&str> = self.values("StateDirectory").flat_map(str::split_whitespace).collect();
+        let states: Vec<&str> = self.values("StateDirectory").into_iter().flat_map(str::split_whitespace).collect();
         let mut show = |folder: &str, skipped: &[&str]| {
             for name in names(folder) {
                 let path = format!("{}/{name}", folder.trim_end_matches('/'));
@@ -185,7 +185,7 @@ impl Unit {
         if self.is("ProtectKernelModules") && Path::new("/usr/lib/modules").exists() {
             say(&["--perms", "0000", "--tmpfs", "/usr/lib/modules"]);
         }
-        for path in self.values("ReadWritePaths").flat_map(str::split_whitespace) {
+        for path in self.values("ReadWritePaths").into_iter().flat_map(str::split_whitespace) {
             say(&["--bind", path, path]);
         }
         match self.value("ProtectProc") {
@@ -197,7 +197,9 @@ impl Unit {
             _ => say(&["--dev-bind", "/dev", "/dev"]),
         }
         // The first device of a class of serial ports is the board's, where the unit allows the class and does not hide all devices.
-        for class in self.values("DeviceAllow").filter_map(|value| value.strip_prefix("char-")?.strip_suffix(" rw")) {
+        for class in
+            self.values("DeviceAllow").into_iter().filter_map(|value| value.strip_prefix("char-")?.strip_suffix(" rw"))
+        {
             if !self.is("PrivateDevices") {
                 say(&["--dev-bind", places.port.to_str().unwrap(), &format!("/dev/{class}0")]);
             }
@@ -219,7 +221,8 @@ impl Unit {
         command.arg("sh").arg(places.filter);
         if is_root() {
             assert!(self.is("DynamicUser") || self.value("User").is_some(), "the service would run as root");
-            let groups: Vec<&str> = self.values("SupplementaryGroups").flat_map(str::split_whitespace).collect();
+            let groups: Vec<&str> =
+                self.values("SupplementaryGroups").into_iter().flat_map(str::split_whitespace).collect();
             let groups =
                 if groups.is_empty() { "--clear-groups".into() } else { format!("--groups={}", groups.join(",")) };
             command.args(["setpriv", "--reuid", USER, "--regid", USER, &groups]);
