@@ -119,7 +119,7 @@ impl Bag {
                     continue;
                 }
                 Ok(LinearReadEvent::Record { opcode, data }) => {
-                    mcap::parse_record(opcode, data).map(Record::into_owned)
+                    slamd_capture::parse_record(opcode, data).map(Record::into_owned)
                 }
                 Err(error) => Err(error),
             };
