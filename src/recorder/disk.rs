@@ -1,8 +1,10 @@
 //! The storage that the parts of a recording are written to.
 
+use rustix::fs::{AtFlags, CWD, Mode, OFlags};
 use slamd_files::private;
 use std::fs::File;
 use std::io::{self, ErrorKind, Write};
+use std::os::fd::AsRawFd as _;
 use std::os::unix::fs::{FileExt as _, MetadataExt as _};
 use std::path::{Path, PathBuf};
 
@@ -11,7 +13,8 @@ pub trait Disk {
     /// A part's file. A failed write must have written nothing.
     type File: Write;
 
-    /// Creates the file of a part; 1 is the first.
+    /// Creates the file of a part; 1 is the first. It may get its name with its first bytes: then the first write fails with
+    /// [`io::ErrorKind::AlreadyExists`] where another recording was faster.
     ///
     /// # Errors
     /// When it cannot be created, with [`io::ErrorKind::AlreadyExists`] where it exists: then it belongs to another recording.
@@ -82,12 +85,18 @@ impl Disk for Folder {
         let path = self.path(part);
         // A pipe or a device that the user named holds no recording.
         let is_stream = part == 1 && self.first.is_some() && std::fs::metadata(&path).is_ok_and(|it| !it.is_file());
+        if !is_stream && std::fs::symlink_metadata(&path).is_ok() {
+            return Err(ErrorKind::AlreadyExists.into());
+        }
+        if let Some(file) = (!is_stream).then(|| unnamed_file(&self.folder)).flatten() {
+            return Ok(PartFile { file, written: 0, is_seekable: true, name: Some(path) });
+        }
         let file = if is_stream { private::open_stream(&path)? } else { private::create_new_file(&path)? };
-        Ok(PartFile { is_seekable: file.metadata()?.is_file(), file, written: 0 })
+        Ok(PartFile { is_seekable: file.metadata()?.is_file(), file, written: 0, name: None })
     }
 
     fn presence(&mut self, part: u32, file: &PartFile) -> io::Result<Presence> {
-        if !file.is_seekable {
+        if !file.is_seekable || file.name.is_some() {
             return Ok(Presence::There);
         }
         let ours = file.file.metadata()?;
@@ -125,11 +134,31 @@ pub struct PartFile {
     file: File,
     written: u64,
     is_seekable: bool,
+    /// The name that the file gets with its first bytes, so that a kill leaves no empty file.
+    name: Option<PathBuf>,
+}
+
+/// A new file without a name; none where the file system, or the missing `/proc`, does not permit that.
+fn unnamed_file(folder: &Path) -> Option<File> {
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let flags = OFlags::TMPFILE | OFlags::WRONLY | OFlags::CLOEXEC;
+    let file = File::from(rustix::fs::open(folder, flags, Mode::RUSR | Mode::WUSR).ok()?);
+    std::fs::symlink_metadata(own_path(&file)).is_ok().then_some(file)
+}
+
+fn own_path(file: &File) -> String {
+    format!("/proc/self/fd/{}", file.as_raw_fd())
 }
 
 impl Write for PartFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let count = if self.is_seekable { self.file.write_at(bytes, self.written)? } else { self.file.write(bytes)? };
+        if count > 0
+            && let Some(name) = &self.name
+        {
+            rustix::fs::linkat(CWD, own_path(&self.file), CWD, name, AtFlags::SYMLINK_FOLLOW)?;
+            self.name = None;
+        }
         self.written += count as u64;
         Ok(count)
     }

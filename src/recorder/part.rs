@@ -51,7 +51,7 @@ impl<F: Write> Part<F> {
         })
     }
 
-    /// Begins the first file from `number` on that does not exist.
+    /// Begins the first file from `number` on that does not exist. Its head is written if the disk takes it.
     pub(super) fn begin_next<D: Disk<File = F>>(
         disk: &mut D,
         info: &CaptureInfo,
@@ -59,7 +59,11 @@ impl<F: Write> Part<F> {
         began: Timestamp,
     ) -> io::Result<Self> {
         loop {
-            match Self::begin(disk, info, number, began) {
+            let begun = Self::begin(disk, info, number, began).and_then(|mut part| match part.drain() {
+                Err(error) if error.kind() == ErrorKind::AlreadyExists => Err(error),
+                _ => Ok(part),
+            });
+            match begun {
                 Err(error) if error.kind() == ErrorKind::AlreadyExists && number < u32::MAX => number += 1,
                 begun => return begun,
             }

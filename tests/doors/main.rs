@@ -1,6 +1,7 @@
 //! What other programs connect to: JSON API, Prometheus, MQTT, Rerun; and the log.
 
 mod api;
+mod browser;
 mod limits;
 mod log;
 #[cfg(feature = "mqtt")]

@@ -138,6 +138,27 @@ fn a_removed_file_is_told_within_a_second_and_another_is_begun() {
 }
 
 #[test]
+fn a_file_has_no_name_before_its_first_bytes_and_takes_none_that_exists() {
+    use slamd::recorder::{Disk as _, Presence};
+    use std::io::Write as _;
+    let folder = tempfile::tempdir().unwrap();
+    let mut disk = Folder::numbered(folder.path(), "drive").unwrap();
+    let path = disk.path(1);
+    let (mut file, mut slower) = (disk.create(1).unwrap(), disk.create(1).unwrap());
+    assert!(!path.exists() && disk.presence(1, &file).unwrap() == Presence::There);
+    file.write_all(b"head").unwrap();
+    assert_eq!(std::fs::read(&path).unwrap(), b"head");
+    assert_eq!(std::os::unix::fs::MetadataExt::mode(&path.metadata().unwrap()) & 0o777, 0o600);
+    assert_eq!(slower.write(b"other").unwrap_err().kind(), std::io::ErrorKind::AlreadyExists);
+    assert_eq!(disk.create(1).err().unwrap().kind(), std::io::ErrorKind::AlreadyExists);
+    assert_eq!(std::fs::read(&path).unwrap(), b"head");
+    file.write_all(b" and body").unwrap();
+    assert_eq!(std::fs::read(&path).unwrap(), b"head and body");
+    std::fs::remove_file(&path).unwrap();
+    assert_eq!(disk.presence(1, &file).unwrap(), Presence::Removed);
+}
+
+#[test]
 #[expect(clippy::disallowed_methods, reason = "the recorder's thread needs time")]
 fn a_folder_that_is_removed_is_told_at_once_and_its_return_continues_the_recording() {
     let parent = tempfile::tempdir().unwrap();

@@ -2,6 +2,7 @@
 
 mod cases;
 mod disk_errors;
+mod failing_calls;
 mod full_disk;
 mod import_bag;
 mod import_refusals;

@@ -10,6 +10,7 @@ mod manual;
 mod monitor;
 mod monitor_terminal;
 mod package;
+mod sandbox;
 mod service;
 mod setup;
 mod setup_terminal;

@@ -15,7 +15,7 @@ fn each_promise_names_its_test_and_is_on_the_page() {
         let head = source.split(&format!("\nfn {name}()")).next().filter(|head| head.len() < source.len());
         let attributes = head.and_then(|head| head.rsplit("\n\n").next()).unwrap_or_default();
         assert!(attributes.contains("#[test]"), "{file} has no test {name}");
-        assert!(promise.long_run.is_none_or(|task| LONG.iter().any(|(name, _)| *name == task)), "{}", promise.says);
+        assert!(promise.long_run.is_none_or(|task| LONG.iter().any(|run| run.name == task)), "{}", promise.says);
         assert!(
             told.contains(promise.says) && told.contains(name),
             "docs/reliability.md is older than: {}",

@@ -47,6 +47,36 @@ fn no_file_panics() {
 }
 
 #[test]
+fn what_coverage_guided_fuzzing_found_is_tried_again() {
+    let corpus = Corpus::build();
+    let mut count = 0;
+    for (target, _) in corpus.seeds() {
+        for input in fuzzing::found(target) {
+            count += 1;
+            match target {
+                "line" => drop(fuzzing::line(&input, &Config::default())),
+                "capture" => drop(fuzzing::read_capture(&input)),
+                "session" => drop((fuzzing::read_session(&input), fuzzing::read_sealed_session(&input))),
+                "config" => {
+                    let text = String::from_utf8_lossy(&input);
+                    let _ = fuzzing::read_config(&text, corpus.start());
+                }
+                "map" => drop(fuzzing::read_map(&input, corpus.saved_state())),
+                "request" => {
+                    if let [first, requests @ ..] = &input[..] {
+                        let step = 1 + usize::from(first / 4);
+                        let _ = fuzzing::read_requests_of_a_client(requests, first % 4 == 0, step);
+                    }
+                }
+                other => panic!("{other}: a target without its door here"),
+            }
+        }
+    }
+    println!("{count} inputs");
+    assert!(count > 100, "{count}: fuzz/found/ is empty");
+}
+
+#[test]
 fn a_wall_that_was_seen_too_often_to_count_is_seen_again() {
     let corpus = Corpus::build();
     let mut memory = corpus.saved_state();

@@ -3,6 +3,7 @@
 //! `cargo xtask --help` lists them, `cargo xtask TASK --help` their options. Each prints Markdown on standard output and its progress on
 //! standard error, and fails where a promise is broken.
 
+mod coverage;
 mod fuzz;
 mod kill;
 mod localize;
@@ -24,6 +25,9 @@ use std::process::Command;
 struct Arguments {
     #[command(subcommand)]
     task: Task,
+    /// Take the programs that a task starts as they were built
+    #[arg(long, global = true)]
+    as_built: bool,
 }
 
 #[derive(Subcommand)]
@@ -31,6 +35,7 @@ enum Task {
     Kill(kill::Options),
     Replug(replug::Options),
     Fuzz(fuzz::Options),
+    Coverage(coverage::Options),
     Simulation(simulation::Options),
     Soak(soak::Options),
     SensorFaults(sensor_faults::Options),
@@ -53,25 +58,21 @@ fn build_slamd() {
 }
 
 fn main() {
-    match Arguments::parse().task {
-        Task::Kill(options) => {
-            build_slamd();
-            kill::run(&options);
-        }
-        Task::Replug(options) => {
-            build_slamd();
-            replug::run(&options);
-        }
-        Task::Soak(options) => {
-            build_slamd();
-            soak::run(&options);
-        }
+    let Arguments { task, as_built } = Arguments::parse();
+    if !as_built && matches!(task, Task::Kill(_) | Task::Replug(_) | Task::Soak(_) | Task::Reliability(_)) {
+        build_slamd();
+    }
+    match task {
+        Task::Kill(options) => kill::run(&options),
+        Task::Replug(options) => replug::run(&options),
+        Task::Soak(options) => soak::run(&options),
         Task::Fuzz(options) => fuzz::run(&options),
+        Task::Coverage(options) => coverage::run(&options, as_built),
         Task::Simulation(options) => simulation::run(&options),
         Task::SensorFaults(options) => sensor_faults::run(&options),
         Task::Localize(options) => localize::run(&options),
         Task::NeverSilent(options) => never_silent::run(&options),
-        Task::Reliability(options) => reliability::run(&options),
+        Task::Reliability(options) => reliability::run(&options, as_built),
         Task::Recordings(options) => recordings::run(&options),
     }
 }

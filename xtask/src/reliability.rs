@@ -1,9 +1,11 @@
-//! `cargo xtask reliability`: tries every promise, first by its test, then by its long run, and writes `docs/reliability.md`.
+//! `cargo xtask reliability`: tries every promise, first by its test, then by the long runs, and writes `docs/reliability.md`.
 //!
-//! One promise that is not kept makes it fail.
+//! The tests and each long run are a part. What a part gave is a file of `docs/reliability/`, with the commit that it was run at, and the
+//! page is written from these files: parts can be run apart. One promise that is not kept makes it fail.
 
 use indicatif::ProgressBar;
-use slamd_testkit::promises::{LONG, PROMISES, Promise};
+use serde_json::{Value, json};
+use slamd_testkit::promises::{LONG, LongRun, PROMISES, Promise};
 use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
@@ -15,13 +17,27 @@ pub(crate) struct Options {
     /// Part of the long runs' full length
     #[arg(long, default_value_t = 1.0)]
     part: f64,
+    /// Only these, of tests, simulation, fuzz, coverage, kill, soak and laps; the page keeps what it says of the others
+    #[arg(long, value_delimiter = ',', value_name = "NAMES", value_parser = NAMES)]
+    only: Vec<String>,
     /// Only the tests; print the table, write nothing
     #[arg(long)]
     short: bool,
-    /// Run nothing: rewrite the promises and the names of their tests, and leave verdicts and figures as they are
-    #[arg(long, conflicts_with_all = ["part", "short"])]
-    names: bool,
+    /// Run nothing: write the page from the files in docs/reliability/
+    #[arg(long, conflicts_with_all = ["part", "only", "short"])]
+    page: bool,
 }
+
+const TESTS: &str = "tests";
+const NAMES: [&str; LONG.len() + 1] = {
+    let mut names = [TESTS; LONG.len() + 1];
+    let mut i = 0;
+    while i < LONG.len() {
+        names[i + 1] = LONG[i].name;
+        i += 1;
+    }
+    names
+};
 
 /// A program's output, and whether it succeeded.
 struct Outcome {
@@ -36,6 +52,19 @@ fn outcome(command: &mut Command) -> Outcome {
     let output = command.stderr(Stdio::inherit()).output().expect("it runs");
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
     Outcome { is_kept: output.status.success(), said, seconds: begin.elapsed().as_secs_f64() }
+}
+
+/// The commit that is checked out, and whether anything but the pages differs from it.
+fn commit() -> String {
+    let git = |arguments: &[&str]| {
+        let mut command = Command::new("git");
+        command.args(arguments).current_dir(slamd_testkit::root()).stderr(Stdio::inherit());
+        command.output().expect("git runs")
+    };
+    let name = git(&["rev-parse", "--short=10", "HEAD"]);
+    let is_changed = !git(&["diff", "--quiet", "HEAD", "--", ".", ":!docs"]).status.success();
+    let name = String::from_utf8_lossy(&name.stdout).trim().to_owned();
+    if is_changed { format!("{name} with changes") } else { name }
 }
 
 /// The arguments of `cargo test` that choose a promise's test.
@@ -75,110 +104,146 @@ fn figure(said: &str) -> String {
     line.unwrap_or("").trim_matches(['|', ' ']).replace(" | ", ": ")
 }
 
-const HEAD: &str = "| promise | kept by `cargo test` | for longer | | figure |\n|---|---|---|---|---|\n";
-
-fn row(promise: &Promise, verdict: &str, figure: &str) -> String {
-    let longer = promise.long_run.map_or_else(String::new, |task| format!("[{task}](#{task})"));
-    format!("| {} | `{}` | {longer} | {verdict} | {figure} |\n", promise.says, chosen(promise))
+fn root() -> PathBuf {
+    slamd_testkit::root().join("docs")
 }
 
-fn table(outcomes: &[Outcome]) -> String {
-    let rows = PROMISES.iter().zip(outcomes).map(|(promise, outcome)| {
-        let verdict = if outcome.is_kept { "kept" } else { "**broken**" };
-        row(promise, verdict, &figure(&outcome.said))
+fn file(part: &str) -> PathBuf {
+    root().join("reliability").join(part).with_extension("json")
+}
+
+fn keep(part: &str, value: &Value) {
+    std::fs::create_dir_all(root().join("reliability")).expect("docs/ can be written");
+    let text = serde_json::to_string_pretty(value).expect("JSON") + "\n";
+    std::fs::write(file(part), text).expect("docs/ can be written");
+}
+
+fn text<'a>(value: &'a Value, key: &str) -> &'a str {
+    value[key].as_str().unwrap_or_else(|| panic!("no {key} in {value}"))
+}
+
+fn is_kept(value: &Value) -> bool {
+    value["kept"].as_bool().unwrap_or(false)
+}
+
+/// Every promise's test.
+fn tests() -> Value {
+    let commit = commit();
+    let bar = ProgressBar::new(PROMISES.len() as u64);
+    let (mut seconds, mut told) = (0.0, Vec::new());
+    for promise in &PROMISES {
+        let outcome = test(promise);
+        bar.inc(1);
+        seconds += outcome.seconds;
+        told.push(json!({"test": promise.test.1, "kept": outcome.is_kept, "figure": figure(&outcome.said)}));
+    }
+    bar.finish_and_clear();
+    let are_kept = told.iter().all(is_kept);
+    json!({"commit": commit, "seconds": seconds.round(), "kept": are_kept, "tests": told})
+}
+
+/// A long run; what it printed is kept whole.
+fn longer(run: &LongRun, part: f64, commit: &str) -> Value {
+    let mut arguments = vec![run.task.to_owned()];
+    for (option, full) in run.options {
+        arguments.extend([(*option).to_owned(), format!("{}", (full * part).ceil())]);
+    }
+    let line = format!("cargo xtask {}", arguments.join(" "));
+    eprintln!("{line}");
+    let mut command = Command::new(std::env::current_exe().expect("a program has a path"));
+    let outcome = outcome(command.arg("--as-built").args(arguments));
+    json!({
+        "commit": commit,
+        "command": line,
+        "part": part,
+        "seconds": outcome.seconds.round(),
+        "kept": outcome.is_kept,
+        "said": outcome.said.trim().lines().collect::<Vec<_>>(),
+    })
+}
+
+const HEAD: &str = "| promise | kept by `cargo test` | for longer | | figure |\n|---|---|---|---|---|\n";
+
+/// The table of the promises. The order of [`PROMISES`] is that of the rows.
+fn table(told: &Value) -> String {
+    let told = told["tests"].as_array().expect("a list of tests");
+    assert_eq!(told.len(), PROMISES.len(), "promises came or went: run `cargo xtask reliability --only tests`");
+    let rows = PROMISES.iter().zip(told).map(|(promise, told)| {
+        let longer = promise.long_run.map_or_else(String::new, |task| format!("[{task}](#{task})"));
+        let verdict = if is_kept(told) { "kept" } else { "**broken**" };
+        let figure = text(told, "figure");
+        format!("| {} | `{}` | {longer} | {verdict} | {figure} |\n", promise.says, chosen(promise))
     });
     HEAD.to_owned() + &rows.collect::<String>()
 }
 
-/// The long runs, each with what it printed.
-fn longer(part: f64) -> (String, bool) {
-    let (mut text, mut are_kept) = (String::new(), true);
-    for (name, options) in LONG {
-        let mut arguments = vec![name.to_owned()];
-        for (option, full) in options {
-            arguments.extend([(*option).to_owned(), format!("{}", (full * part).ceil())]);
-        }
-        let line = format!("cargo xtask {}", arguments.join(" "));
-        eprintln!("{line}");
-        let outcome = outcome(Command::new(std::env::current_exe().expect("a program has a path")).args(arguments));
-        are_kept &= outcome.is_kept;
-        let verdict = if outcome.is_kept { "Kept" } else { "**Broken**" };
-        let _ = writeln!(
-            text,
-            "\n## {name}\n\n`{line}`: {verdict}, in {:.0} s.\n\n{}",
-            outcome.seconds,
-            outcome.said.trim()
-        );
-    }
-    (text, are_kept)
-}
-
-fn page() -> PathBuf {
-    slamd_testkit::root().join("docs/reliability.md")
-}
-
-/// The page with the promises and their tests rewritten. The order of [`PROMISES`] is that of the rows.
-fn with_names(page: &str) -> String {
-    let (before, rest) = page.split_once("| promise |").expect("the page has its table");
-    let (rows, after) = rest.split_once("\n\n").expect("the long runs follow");
-    let told: Vec<&str> = rows.lines().skip(2).collect();
-    assert_eq!(told.len(), PROMISES.len(), "promises came or went: only a whole run can tell how they fare");
-    let rows = PROMISES.iter().zip(told).map(|(promise, told)| {
-        let cells: Vec<&str> = told.trim_matches('|').split(" | ").map(str::trim).collect();
-        let [.., verdict, figure] = cells[..] else { panic!("not a row: {told}") };
-        row(promise, verdict, figure)
-    });
-    format!("{before}{HEAD}{}\n{after}", rows.collect::<String>())
-}
-
-pub(crate) fn run(options: &Options) {
-    if options.names {
-        let text = std::fs::read_to_string(page()).expect("docs/reliability.md");
-        return std::fs::write(page(), with_names(&text)).expect("docs/ can be written");
-    }
-    let bar = ProgressBar::new(PROMISES.len() as u64);
-    let try_one = |promise: &Promise| {
-        let outcome = test(promise);
-        bar.inc(1);
-        outcome
+/// The page from the files of its parts.
+fn page() -> String {
+    let read = |part: &str| {
+        let text = std::fs::read_to_string(file(part)).ok();
+        text.map(|text| serde_json::from_str::<Value>(&text).unwrap_or_else(|error| panic!("{part}: {error}")))
     };
-    let outcomes: Vec<Outcome> = PROMISES.iter().map(try_one).collect();
-    bar.finish_and_clear();
-    let table = table(&outcomes);
-    let seconds: f64 = outcomes.iter().map(|outcome| outcome.seconds).sum();
-    print!("{table}");
-    println!("{seconds:.0} s");
-    let mut are_kept = outcomes.iter().all(|outcome| outcome.is_kept);
-    if !options.short {
-        let part = options.part;
-        let (longer, are_kept_longer) = longer(part);
-        are_kept &= are_kept_longer;
-        let text = format!(
-            "# Reliability\n\nEach promise, the test that keeps it, and the result. Written by `cargo xtask reliability --part {part}`, \
-             which ran the tests in {seconds:.0} s (CI runs them at each change) and the long runs at {part} of their full \
-             length. Promises about access from outside are in [SECURITY.md](../SECURITY.md).\n\n{table}{longer}"
+    let tests = read(TESTS).expect("docs/reliability/tests.json: run `cargo xtask reliability --only tests`");
+    let mut page = format!(
+        "# Reliability\n\nEach promise, the test that keeps it, and the result. Written by `cargo xtask reliability` from the files in \
+         [reliability/](reliability/), which it writes, too. The tests were run at {} in {} s; CI runs them at each change. Promises about \
+         access from outside are in [SECURITY.md](../SECURITY.md).\n\n{}",
+        text(&tests, "commit"),
+        tests["seconds"],
+        table(&tests)
+    );
+    for run in &LONG {
+        let _ = write!(page, "\n## {}\n\n", run.name);
+        let Some(told) = read(run.name) else {
+            let _ = writeln!(page, "Not run.");
+            continue;
+        };
+        let part = told["part"].as_f64().unwrap_or_default();
+        let length = if part < 1.0 { format!("{part} of the full length") } else { "the full length".into() };
+        let said: Vec<_> = told["said"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+        let verdict = if is_kept(&told) { "Kept" } else { "**Broken**" };
+        let _ = writeln!(
+            page,
+            "`{}`, {length}, at {}: {verdict}, in {} s.\n\n{}",
+            text(&told, "command"),
+            text(&told, "commit"),
+            told["seconds"],
+            said.join("\n")
         );
-        std::fs::write(page(), text).expect("docs/ can be written");
+    }
+    page
+}
+
+pub(crate) fn run(options: &Options, as_built: bool) {
+    let &Options { part, short, page: is_page_only, .. } = options;
+    if short {
+        let told = tests();
+        print!("{}", table(&told));
+        assert!(is_kept(&told), "a promise is broken");
+        return;
+    }
+    let is_wanted = |name: &str| !is_page_only && (options.only.is_empty() || options.only.iter().any(|n| n == name));
+    let mut are_kept = true;
+    let mut done = |name: &str, told: &Value| {
+        keep(name, told);
+        are_kept &= is_kept(told);
+    };
+    if is_wanted(TESTS) {
+        done(TESTS, &tests());
+    }
+    // What is built now is run to the end, whatever is checked out meanwhile.
+    let commit = commit();
+    if is_wanted("coverage") && !as_built {
+        crate::coverage::build();
+    }
+    for run in LONG.iter().filter(|run| is_wanted(run.name)) {
+        done(run.name, &longer(run, part, &commit));
+    }
+    // A part that is run first has no page to be on yet.
+    if file(TESTS).exists() {
+        std::fs::write(root().join("reliability.md"), page()).expect("docs/ can be written");
+    } else {
+        eprintln!("no page is written: docs/reliability/tests.json is missing");
     }
     assert!(are_kept, "a promise is broken");
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_are_written_anew_and_verdicts_stay() {
-        let outcomes = || Outcome { is_kept: true, said: "12 of 13\n".into(), seconds: 1.0 };
-        let page = format!("# Head\n\n{}\n## soak\n", table(&PROMISES.iter().map(|_| outcomes()).collect::<Vec<_>>()));
-        assert_eq!(with_names(&page), page);
-        assert_eq!(with_names(&page.replace(PROMISES[0].test.1, "an_older_name")), page);
-    }
-
-    #[test]
-    fn a_test_is_chosen_by_its_file() {
-        let at = |file| chosen(&Promise { says: "", test: (file, "holds"), long_run: None });
-        assert_eq!(at("tests/wire/link.rs"), "-p slamd --test wire link::holds");
-        assert_eq!(at("crates/core/tests/estimator/lock.rs"), "-p slamd-core --test estimator lock::holds");
-    }
 }

@@ -8,11 +8,14 @@
 #![deny(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
 #![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
 
+mod damage;
 mod foreign;
+mod lengths;
 mod reader;
 mod salvage;
 mod writer;
 
+pub use lengths::parse_record;
 pub use reader::CaptureReader;
 pub use slamd_core::Record;
 pub use writer::CaptureWriter;
@@ -135,6 +138,8 @@ const METADATA_NAME: &str = "slamd";
 /// How a capture names the program that wrote it.
 const LIBRARY: &str = "slamd ";
 const FAULT_SEPARATOR: char = ',';
+/// The key of the description's own checksum: MCAP has none for metadata. Older captures have none, either.
+const CHECKSUM_KEY: &str = "crc32";
 
 impl CaptureInfo {
     fn to_metadata(&self) -> mcap::records::Metadata {
@@ -150,7 +155,20 @@ impl CaptureInfo {
         if let Some(faults) = &self.faults {
             metadata.insert("faults".into(), faults.join(&FAULT_SEPARATOR.to_string()));
         }
+        metadata.insert(CHECKSUM_KEY.into(), checksum(&metadata));
         mcap::records::Metadata { name: METADATA_NAME.into(), metadata }
+    }
+
+    /// Reads a description; none if its checksum is wrong.
+    fn from_sound_metadata(mut metadata: BTreeMap<String, String>) -> Option<Self> {
+        let saved = metadata.remove(CHECKSUM_KEY);
+        saved.is_none_or(|saved| saved == checksum(&metadata)).then(|| Self::from_metadata(metadata))
+    }
+
+    /// The length of a metadata record's content, bytes: each text, and the list of them, behind four bytes of length.
+    fn length_of(metadata: &mcap::records::Metadata) -> usize {
+        let texts = metadata.metadata.iter().map(|(key, value)| 4 + key.len() + 4 + value.len());
+        4 + metadata.name.len() + 4 + texts.sum::<usize>()
     }
 
     fn from_metadata(mut metadata: BTreeMap<String, String>) -> Self {
@@ -165,6 +183,15 @@ impl CaptureInfo {
                 .map(|list| list.split(FAULT_SEPARATOR).filter(|fault| !fault.is_empty()).map(Into::into).collect()),
         }
     }
+}
+
+fn checksum(metadata: &BTreeMap<String, String>) -> String {
+    let mut digest = reader::CRC.digest();
+    for text in metadata.iter().flat_map(|(key, value)| [key, value]) {
+        digest.update(&(text.len() as u64).to_le_bytes());
+        digest.update(text.as_bytes());
+    }
+    format!("{:08x}", digest.finalize())
 }
 
 /// The content of a message on `/truth/pose`.

@@ -3,7 +3,9 @@
 //! A chunk is used only if its checksum is right. Where the file is damaged, the reader goes on at the next sound chunk; of a file that
 //! is cut it returns everything before the cut. [`CaptureReader::damage`] says what is missing.
 
+use super::damage::{Damage, Holes};
 use super::foreign::{MAX_TOPICS, Seen};
+use super::lengths::parse_record;
 use super::salvage::{CHUNK_HEAD, RECORD_HEAD, Source};
 use super::{
     CaptureError, CaptureInfo, LIBRARY, METADATA_NAME, RECEIVED_TOPIC, Record, SENT_TOPIC, TRUTH_TOPIC, TruthMessage,
@@ -34,27 +36,20 @@ pub struct CaptureReader<R: Read = BufReader<File>> {
     /// Messages read, as the file's statistics count them.
     messages: u64,
     holes: Holes,
+    /// What is wrong with the file, once it is read to its end.
     damage: Option<String>,
     finished: bool,
     /// The MCAP profile, once it is known.
     profile: Option<String>,
     is_described: bool,
+    /// The description at the head is damaged; its copy is sought.
+    is_headless: bool,
+    /// Bytes of records read.
+    record_bytes: usize,
     /// Written by slamd itself, not rewritten by another program.
     is_own: bool,
     /// The first topics.
     topics: Vec<String>,
-}
-
-/// What is missing in a file.
-#[derive(Default)]
-struct Holes {
-    count: u32,
-    /// The last sound record before the first damage, and what the damage is.
-    first: Option<(Timestamp, String)>,
-    /// Nothing was found behind the last damage.
-    has_no_end: bool,
-    /// The end is missing.
-    is_cut: bool,
 }
 
 #[derive(Clone, Copy)]
@@ -107,6 +102,8 @@ impl<R: Read> CaptureReader<R> {
             finished: false,
             profile: None,
             is_described: false,
+            is_headless: false,
+            record_bytes: 0,
             is_own: false,
             topics: Vec::new(),
         };
@@ -115,6 +112,12 @@ impl<R: Read> CaptureReader<R> {
         }
         // The description precedes the first record.
         let first = reader.advance();
+        if reader.is_headless
+            && let Ok(first) = &first
+        {
+            let first = first.clone();
+            reader.seek_description(first);
+        }
         if !reader.is_described {
             let seen = Seen {
                 profile: reader.profile.as_deref(),
@@ -122,11 +125,14 @@ impl<R: Read> CaptureReader<R> {
                 is_compressed: matches!(first, Err(CaptureError::Compressed { .. })),
             };
             seen.complaint(path).map_or(Ok(()), Err)?;
-            if reader.damage.is_none() {
+            if !reader.holes.are_there() {
                 reader.hole("it has no description");
             }
+            if reader.is_headless {
+                reader.pending.clear();
+            }
         }
-        if let Some(first) = first? {
+        if let Some(first) = first?.filter(|_| !reader.is_headless) {
             reader.pending.push_front(first);
         }
         Ok(reader)
@@ -144,17 +150,34 @@ impl<R: Read> CaptureReader<R> {
         self.damage.as_deref()
     }
 
+    /// Reads on to the description's copy. The records before it wait.
+    fn seek_description(&mut self, first: Option<Record>) {
+        let mut waiting = VecDeque::from_iter(first);
+        while !self.is_described && !self.finished && self.record_bytes < MAX_HEADLESS_BYTES {
+            self.step_or_fail();
+            waiting.append(&mut self.pending);
+        }
+        self.finished |= !self.is_described;
+        self.pending = waiting;
+    }
+
     /// The next record. An error comes after the records before it.
     fn advance(&mut self) -> Result<Option<Record>, CaptureError> {
         while self.pending.is_empty() && !self.finished {
-            if let Err(error) = self.step() {
-                self.finished = true;
-                self.failure = Some(error);
-            }
+            self.step_or_fail();
         }
-        match (self.pending.pop_front(), self.failure.is_some()) {
-            (None, true) => self.failure.take().map_or(Ok(None), Err),
-            (record, _) => Ok(record),
+        let record = self.pending.pop_front();
+        if record.is_none() {
+            self.damage = self.holes.described(self.last);
+            return self.failure.take().map_or(Ok(None), Err);
+        }
+        Ok(record)
+    }
+
+    fn step_or_fail(&mut self) {
+        if let Err(error) = self.step() {
+            self.finished = true;
+            self.failure = Some(error);
         }
     }
 
@@ -167,12 +190,12 @@ impl<R: Read> CaptureReader<R> {
             }
             Some(Ok(LinearReadEvent::ReadRequest(wanted))) => return self.read(wanted),
             Some(Ok(LinearReadEvent::Record { opcode, data })) => {
-                mcap::parse_record(opcode, data).map(|record| (RECORD_HEAD + data.len(), record.into_owned()))
+                parse_record(opcode, data).map(|record| (RECORD_HEAD + data.len(), record.into_owned()))
             }
             Some(Err(error)) => Err(error),
         };
         let handled = match record {
-            Ok((_, McapRecord::Message { .. })) if self.is_own => {
+            Ok((_, McapRecord::Message { .. })) if self.is_own || self.profile.is_none() => {
                 Err(Damage::Other("a message outside the chunks".into()))
             }
             // A length that is too long would swallow what follows.
@@ -182,6 +205,11 @@ impl<R: Read> CaptureReader<R> {
                 Err(Damage::Other("a chunk whose lengths differ".into()))
             }
             Ok((length, McapRecord::Chunk { header, data })) => self.chunk(&header, &data)?.map(|()| length),
+            Ok((length, McapRecord::Metadata(metadata)))
+                if self.is_own && length != RECORD_HEAD + CaptureInfo::length_of(&metadata) =>
+            {
+                Err(Damage::Other("a description whose lengths differ".into()))
+            }
             Ok((length, record)) => self.take(record)?.map(|()| length),
             Err(error) => Err(error.into()),
         };
@@ -210,7 +238,7 @@ impl<R: Read> CaptureReader<R> {
             let Some((body, behind)) = split else {
                 return Ok(Err(Damage::Other("a record that is longer than its chunk".into())));
             };
-            let handled = match mcap::parse_record(opcode, body) {
+            let handled = match parse_record(opcode, body) {
                 Ok(record) => self.take(record)?,
                 Err(error) => Err(error.into()),
             };
@@ -228,9 +256,13 @@ impl<R: Read> CaptureReader<R> {
                 self.is_own = header.library.starts_with(LIBRARY);
                 self.profile = Some(header.profile);
             }
+            // The first of the two is the description, unless it is damaged.
             McapRecord::Metadata(metadata) if metadata.name == METADATA_NAME => {
-                self.is_described = true;
-                self.info = CaptureInfo::from_metadata(metadata.metadata);
+                match CaptureInfo::from_sound_metadata(metadata.metadata) {
+                    Some(info) if !self.is_described => (self.info, self.is_described) = (info, true),
+                    Some(_) => {}
+                    None => return Ok(Err(Damage::Other("a description with a wrong checksum".into()))),
+                }
             }
             McapRecord::Channel(channel) => {
                 if let Some(topic) = Topic::from_name(&channel.topic) {
@@ -242,14 +274,18 @@ impl<R: Read> CaptureReader<R> {
             }
             McapRecord::Message { header, data } => {
                 self.messages += 1;
-                if self.channels.is_empty() && self.is_own && self.is_described {
+                if self.is_own && !self.is_described && !self.is_headless {
+                    self.hole("its description is damaged");
+                    self.is_headless = true;
+                }
+                if self.channels.is_empty() && self.is_own && (self.is_described || self.is_headless) {
                     self.hole("its topics are not named");
                     self.channels = OWN_CHANNELS.into();
                 }
                 if let Some(&topic) = self.channels.get(&header.channel_id) {
                     let record = self.record(topic, Timestamp::from_us(header.log_time / 1000), data.into_owned())?;
                     self.pending.push_back(record);
-                } else if !self.is_described {
+                } else if !self.is_described && !self.is_headless {
                     // Another program's file may be long.
                     self.finished = true;
                 }
@@ -258,7 +294,7 @@ impl<R: Read> CaptureReader<R> {
                 return Ok(Err(Damage::Other(format!("a record of type {opcode:#04x}, which MCAP does not have"))));
             }
             // A chunk whose type was damaged is no chunk any more.
-            McapRecord::Statistics(counted) if counted.message_count > self.messages && self.holes.count == 0 => {
+            McapRecord::Statistics(counted) if counted.message_count > self.messages && !self.holes.are_there() => {
                 self.hole(&format!("it held {} messages, and {} are there", counted.message_count, self.messages));
             }
             _ => {}
@@ -279,6 +315,7 @@ impl<R: Read> CaptureReader<R> {
             return Err(CaptureError::TimeRunsBack { path, before_s: self.last.seconds(), at_s: at.seconds() });
         }
         self.last = at;
+        self.record_bytes = self.record_bytes.saturating_add(bytes.len().max(1));
         Ok(match topic {
             // The file has no topic for it: nothing is ever read that is empty.
             Topic::Received if bytes.is_empty() => Record::Opened { at },
@@ -295,16 +332,17 @@ impl<R: Read> CaptureReader<R> {
         })
     }
 
-    /// Goes on at the next sound chunk. Without the description, which is the robot's configuration, there is nothing to go on to.
+    /// Goes on at the next sound chunk. Where the damage is in the description or before it, the description's copy follows some chunks later.
     fn damaged(&mut self, damage: Damage) -> Result<(), CaptureError> {
-        let sought = if self.is_described { self.source.seek_chunk() } else { Ok(false) };
+        let is_foreign = !self.is_own && self.profile.is_some();
+        let sought = if self.is_described || !is_foreign { self.source.seek_chunk() } else { Ok(false) };
+        if !self.is_described && matches!(sought, Ok(true)) {
+            (self.is_headless, self.is_own) = (true, true);
+        }
         let is_found = sought.map_err(|source| CaptureError::Io { path: self.path.clone(), source })?;
         (self.finished, self.mcap) = (!is_found, parser());
         match damage {
-            Damage::End if !is_found => {
-                self.holes.is_cut = true;
-                self.describe();
-            }
+            Damage::End if !is_found => self.holes.is_cut = true,
             Damage::End => self.hole("a record that is longer than the file"),
             Damage::Other(what) => {
                 self.holes.has_no_end = !is_found;
@@ -316,47 +354,7 @@ impl<R: Read> CaptureReader<R> {
 
     /// Something is missing behind the last record.
     fn hole(&mut self, what: &str) {
-        self.holes.count += 1;
-        self.holes.first.get_or_insert_with(|| (self.last, what.into()));
-        self.describe();
-    }
-
-    fn describe(&mut self) {
-        let Holes { count, first, has_no_end, is_cut } = &self.holes;
-        let mut parts = Vec::new();
-        if let Some((after, what)) = first {
-            let places = if *count == 1 { String::new() } else { format!(" and in {} more places", count - 1) };
-            let rest =
-                if *has_no_end { "nothing after the last damage was read" } else { "all other chunks were read" };
-            parts.push(format!(
-                "the file is damaged after {:.3} s ({what}){places}; the damaged chunks are missing, and {rest}",
-                after.seconds()
-            ));
-        }
-        if *is_cut {
-            parts.push(format!(
-                "the file was not finished: it holds everything up to {:.3} s, and what was recorded after that \
-                 (0.1 s where the recorder was killed) is missing",
-                self.last.seconds()
-            ));
-        }
-        self.damage = Some(parts.join("; "));
-    }
-}
-
-/// Why a record cannot be used.
-enum Damage {
-    /// The file ends within it.
-    End,
-    Other(String),
-}
-
-impl From<McapError> for Damage {
-    fn from(error: McapError) -> Self {
-        match error {
-            McapError::UnexpectedEof => Self::End,
-            other => Self::Other(other.to_string()),
-        }
+        self.holes.add(self.last, what);
     }
 }
 
@@ -394,6 +392,8 @@ pub(super) const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 const OWN_CHANNELS: [(u16, Topic); 3] = [(1, Topic::Received), (2, Topic::Sent), (3, Topic::Truth)];
 /// Record types from here on are for private use and are skipped.
 const PRIVATE_OPCODES: u8 = 0x80;
+/// Limit of the records that wait for the description's copy, bytes: it follows after a second.
+const MAX_HEADLESS_BYTES: usize = 1 << 20;
 /// Maximum length of a record or chunk, bytes. Longer ones are damage: our own chunks hold 0.1 s.
 pub(super) const RECORD_LIMIT: usize = 64 << 20;
 /// Maximum number of bytes per read, so that a damaged length does not reserve memory.

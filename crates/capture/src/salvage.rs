@@ -141,11 +141,28 @@ fn chunk_length(record: &[u8]) -> Option<usize> {
     let has_no_compression = record.get(37..41)? == [0; 4];
     let is_chunk = has_no_compression && number(25)? == messages && number(41)? == messages;
     let length = usize::try_from(messages).ok()?;
-    (is_chunk && length <= RECORD_LIMIT).then_some(CHUNK_HEAD + length)
+    (is_chunk && length <= RECORD_LIMIT).then(|| CHUNK_HEAD + length)
 }
 
 /// True if a chunk's checksum is right; one without a checksum cannot be told from noise.
 fn is_sound(chunk: &[u8]) -> bool {
     let saved = chunk.get(33..).and_then(|bytes| bytes.first_chunk()).map(|bytes| u32::from_le_bytes(*bytes));
     chunk.get(CHUNK_HEAD..).is_some_and(|messages| saved == Some(CRC.checksum(messages)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_length_that_no_number_can_hold_is_no_chunk() {
+        // What fuzzing found: all bits of a chunk's lengths are set.
+        let mut record = [0xFF; 100];
+        record[0] = CHUNK;
+        record[37..41].fill(0);
+        assert_eq!(chunk_length(&record), None);
+        let file = [&[0], &record[..]].concat();
+        let mut source = Source::new(&file[..]);
+        assert!(!source.seek_chunk().unwrap());
+    }
 }

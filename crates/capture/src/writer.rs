@@ -3,7 +3,7 @@
 use super::{
     CaptureError, CaptureInfo, FLUSH_PERIOD, LIBRARY, RECEIVED_TOPIC, Record, SENT_TOPIC, TRUTH_TOPIC, TruthMessage,
 };
-use mcap::records::MessageHeader;
+use mcap::records::{MessageHeader, Metadata};
 use mcap::write::NoSeek;
 use mcap::{McapError, WriteOptions, Writer};
 use slamd_core::{Pose2, Timestamp};
@@ -23,6 +23,9 @@ pub struct CaptureWriter<W: Write = BufWriter<File>> {
     path: PathBuf,
     writer: Writer<NoSeek<W>>,
     channels: Channels,
+    /// The description, until its copy is written.
+    description: Option<Metadata>,
+    chunks: u32,
     /// The time of the first message in the open chunk.
     chunk_opened: Option<Timestamp>,
     last: Timestamp,
@@ -95,7 +98,15 @@ impl<W: Write> CaptureWriter<W> {
     /// When it cannot be written.
     pub fn begin(to: W, path: &Path, info: &CaptureInfo) -> Result<Self, CaptureError> {
         let (writer, channels) = begin(to, info).map_err(|error| write_error(path, error))?;
-        Ok(Self { path: path.into(), writer, channels, chunk_opened: None, last: Timestamp::default() })
+        Ok(Self {
+            path: path.into(),
+            writer,
+            channels,
+            description: Some(info.to_metadata()),
+            chunks: 0,
+            chunk_opened: None,
+            last: Timestamp::default(),
+        })
     }
 
     /// Stores a record.
@@ -157,6 +168,10 @@ impl<W: Write> CaptureWriter<W> {
     pub fn flush_if_due(&mut self, at: Timestamp) -> Result<(), CaptureError> {
         if self.chunk_opened.is_some_and(|opened| opened + FLUSH_PERIOD <= at) {
             self.chunk_opened = None;
+            self.chunks = self.chunks.saturating_add(1);
+            if self.chunks >= CHUNKS_BEFORE_COPY {
+                self.describe_again()?;
+            }
             self.writer.flush().map_err(|error| write_error(&self.path, error))?;
         }
         Ok(())
@@ -171,12 +186,19 @@ impl<W: Write> CaptureWriter<W> {
         })
     }
 
+    /// A copy of the description, so that damage at the head costs no more than the damaged bytes.
+    fn describe_again(&mut self) -> Result<(), CaptureError> {
+        let Some(description) = self.description.take() else { return Ok(()) };
+        self.writer.write_metadata(&description).map_err(|error| write_error(&self.path, error))
+    }
+
     /// Writes the summary. A second call does nothing.
     ///
     /// # Errors
     /// When it cannot be written.
     pub fn end(&mut self) -> Result<(), CaptureError> {
         self.chunk_opened = None;
+        self.describe_again()?;
         self.writer.finish().map(drop).map_err(|error| write_error(&self.path, error))
     }
 
@@ -201,6 +223,9 @@ impl<W: Write> CaptureWriter<W> {
         self.writer.write_to_known_channel(&header, bytes).map_err(|error| write_error(&self.path, error))
     }
 }
+
+/// The description's copy follows on so many chunks: a second of a drive, some kilobytes away from the first.
+const CHUNKS_BEFORE_COPY: u32 = 10;
 
 /// Writes and flushes metadata and channels first, so that a truncated file can be read.
 fn begin<W: Write>(to: W, info: &CaptureInfo) -> Result<(Writer<NoSeek<W>>, Channels), McapError> {

@@ -3,9 +3,11 @@
 //! Nothing may panic, nor take memory or work out of proportion to what was given.
 
 mod doors;
+mod found;
 mod mutation;
 
 pub use doors::*;
+pub use found::{found, keep};
 use mutation::Mutator;
 use slamd::session_file;
 use slamd_capture::{CaptureInfo, CaptureWriter, Record};

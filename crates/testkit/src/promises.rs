@@ -5,16 +5,31 @@ pub struct Promise {
     pub says: &'static str,
     /// The test that keeps it in CI: its file and its name.
     pub test: (&'static str, &'static str),
-    /// The long run of `cargo xtask` that tests the same for longer, if any: a name of [`LONG`].
+    /// The long run that tests the same for longer, if any: a name of [`LONG`].
     pub long_run: Option<&'static str>,
 }
 
-/// The long runs: task of `cargo xtask`, and options with their full numbers.
-pub const LONG: [(&str, &[(&str, f64)]); 4] = [
-    ("simulation", &[("--seeds", 2000.0)]),
-    ("fuzz", &[("--bytes", 1e9), ("--files", 1e6)]),
-    ("kill", &[("--kills", 1000.0)]),
-    ("soak", &[("--minutes", 60.0), ("--hours", 72.0)]),
+/// A long run.
+pub struct LongRun {
+    pub name: &'static str,
+    /// The task of `cargo xtask`.
+    pub task: &'static str,
+    /// Options with their full numbers.
+    pub options: &'static [(&'static str, f64)],
+}
+
+const fn long(name: &'static str, task: &'static str, options: &'static [(&'static str, f64)]) -> LongRun {
+    LongRun { name, task, options }
+}
+
+/// The long runs.
+pub const LONG: [LongRun; 6] = [
+    long("simulation", "simulation", &[("--seeds", 2000.0)]),
+    long("fuzz", "fuzz", &[("--bytes", 1e9), ("--files", 1e6)]),
+    long("coverage", "coverage", &[("--minutes", 120.0)]),
+    long("kill", "kill", &[("--kills", 1000.0)]),
+    long("soak", "soak", &[("--minutes", 60.0), ("--hours", 0.0)]),
+    long("laps", "soak", &[("--minutes", 0.0), ("--hours", 72.0)]),
 ];
 
 const fn promise(
@@ -203,6 +218,6 @@ pub const PROMISES: [Promise; 31] = [
         "No sweep allocates; nothing grows with time.",
         "crates/core/tests/estimator/allocation.rs",
         "no_sweep_allocates_with_the_walls_method",
-        Some("soak"),
+        Some("laps"),
     ),
 ];

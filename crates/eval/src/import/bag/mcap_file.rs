@@ -120,7 +120,7 @@ impl From<McapError> for Failure {
 
 /// A record, or the records of a chunk.
 fn piece(opcode: u8, body: &[u8]) -> Piece {
-    let (records, error) = match mcap::parse_record(opcode, body) {
+    let (records, error) = match slamd_capture::parse_record(opcode, body) {
         Ok(Record::Chunk { header, data }) => records(header, &data),
         Ok(Record::Unknown { opcode, .. }) if opcode < PRIVATE_OPCODES => {
             (Vec::new(), Some(Failure::Other(format!("a record of type {opcode:#04x}, which MCAP does not have"))))
@@ -188,7 +188,7 @@ fn records(header: ChunkHeader, data: &[u8]) -> (Vec<Record<'static>>, Option<Fa
 /// True if the bytes have the lengths and times of a chunk.
 fn is_chunk(bytes: &[u8], at: usize) -> bool {
     let Some((CHUNK, body, _)) = record(bytes, at) else { return false };
-    let Ok(Record::Chunk { header, data }) = mcap::parse_record(CHUNK, body) else { return false };
+    let Ok(Record::Chunk { header, data }) = slamd_capture::parse_record(CHUNK, body) else { return false };
     let length = body.len().checked_sub(CHUNK_HEAD + header.compression.len());
     header.message_start_time <= header.message_end_time && length == Some(data.len())
 }
