@@ -31,7 +31,7 @@ trait Driven {
 impl Driven for Script {
     fn drive(self, left_mm_s: i16, right_mm_s: i16, valid_ms: u16) -> Self {
         let speeds = WheelSpeeds::new(left_mm_s, right_mm_s).unwrap();
-        self.say(&Message::Drive(Drive::new(speeds, valid_ms).unwrap()))
+        self.say(&Message::Drive(Drive::new(speeds, valid_ms, 0).unwrap()))
     }
 
     fn drives(mut self, count: u32, left_mm_s: i16, right_mm_s: i16) -> Self {
@@ -140,7 +140,7 @@ fn a_drive_is_refused_where_the_ring_stands_where_it_is_out_of_range_and_without
     let stopped = Script::boot(0).set(Setting::TopSpeedMmS, 800).drives(5, 300, 300).messages();
     assert_eq!(results(&stopped), [AckResult::Busy; 5]);
     // 2001 mm/s, and 49 ms.
-    let bad = [[0xD1, 7, 0, 0, 200, 0], [100, 0, 100, 0, 49, 0]];
+    let bad = [[0xD1, 7, 0, 0, 200, 0, 1], [100, 0, 100, 0, 49, 0, 1]];
     let frames = bad.map(|payload| encode_frame(kind::DRIVE, 0, &payload.into_iter().collect()));
     let refused = ready().hear(&frames[0]).hear(&frames[1]).then("run 500000").messages();
     assert_eq!((results(&refused), last_turn_us(&refused)), (vec![AckResult::Refused; 2], 0));
@@ -210,7 +210,7 @@ fn no_noise_moves_a_wheel() {
         (state >> 24) as u8
     };
     let frame =
-        FrameEncoder::new().encode(&Message::Drive(Drive::new(WheelSpeeds::new(300, 300).unwrap(), 1_000).unwrap()));
+        FrameEncoder::new().encode(&Message::Drive(Drive::new(WheelSpeeds::new(300, 300).unwrap(), 1_000, 0).unwrap()));
     let mut noise: Vec<u8> = (0..20_000).map(|_| byte()).collect();
     // Each DRIVE with one wrong byte.
     for at in 0..frame.len() - 1 {

@@ -96,8 +96,8 @@ ISR(USART0_UDRE_vect) {
 #define INPUTS (_BV(PH5) | _BV(PH6) | _BV(PH1) | _BV(PH0))
 
 static void brake(void) {
-    PORTH &= (uint8_t)~INPUTS;
-    OCR4A = OCR4B = 255;
+    TCCR4A = _BV(WGM40); /* off the pins, which are high then */
+    PORTH = (uint8_t)((PORTH & ~INPUTS) | ENABLES);
 }
 
 /* The control has not come for 120 ms. */
@@ -108,7 +108,6 @@ ISR(WDT_vect) {
 static void begin_motors(void) {
     brake();
     DDRH |= ENABLES | INPUTS;
-    TCCR4A = _BV(COM4A1) | _BV(COM4B1) | _BV(WGM40);
     TCCR4B = _BV(WGM42) | _BV(CS41) | _BV(CS40); /* 8 bit, 977 Hz */
     wdt_reset();
     WDTCSR = _BV(WDCE) | _BV(WDE);
@@ -119,14 +118,21 @@ static void begin_motors(void) {
 void slamd_port_motors(const int16_t duty[2]) {
     static bool begun;
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
-        uint8_t inputs = 0;
+        uint8_t inputs = 0, pwm = _BV(WGM40);
         if (!begun) begin_motors();
         begun = true;
         wdt_reset();
-        if (duty[0]) inputs |= duty[0] > 0 ? _BV(PH5) : _BV(PH6);
-        if (duty[1]) inputs |= duty[1] > 0 ? _BV(PH1) : _BV(PH0);
-        OCR4A = duty[0] ? (uint8_t)(duty[0] > 0 ? duty[0] : -duty[0]) : 255;
-        OCR4B = duty[1] ? (uint8_t)(duty[1] > 0 ? duty[1] : -duty[1]) : 255;
+        if (duty[0]) {
+            inputs |= duty[0] > 0 ? _BV(PH5) : _BV(PH6);
+            pwm |= _BV(COM4A1);
+        }
+        if (duty[1]) {
+            inputs |= duty[1] > 0 ? _BV(PH1) : _BV(PH0);
+            pwm |= _BV(COM4B1);
+        }
+        OCR4A = (uint8_t)(duty[0] > 0 ? duty[0] : -duty[0]);
+        OCR4B = (uint8_t)(duty[1] > 0 ? duty[1] : -duty[1]);
+        TCCR4A = pwm;
         PORTH = (uint8_t)((PORTH & ~INPUTS) | inputs);
     }
 }

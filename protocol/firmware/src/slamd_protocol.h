@@ -326,6 +326,7 @@ struct slamd_request {
     uint16_t token;       /* TIME_REQUEST */
     int16_t mm_s[2];      /* DRIVE: left, right */
     uint16_t valid_ms;    /* DRIVE */
+    uint8_t source;       /* DRIVE: for the record alone */
 };
 
 /* Parses the frame that slamd_push completed; returns false if it is not a valid message of a host.
@@ -358,12 +359,13 @@ static inline bool slamd_parse(const struct slamd_decoder *d, struct slamd_reque
         r->token = (uint16_t)(p[0] | (uint16_t)p[1] << 8);
         return true;
     case SLAMD_DRIVE:
-        if (len < 6) return false;
+        if (len < 7) return false;
         for (uint8_t i = 0; i < 2; i++) {
             r->mm_s[i] = (int16_t)(p[2 * i] | (uint16_t)p[2 * i + 1] << 8);
             if (r->mm_s[i] < -SLAMD_MAX_SPEED_MM_S || r->mm_s[i] > SLAMD_MAX_SPEED_MM_S) return false;
         }
         r->valid_ms = (uint16_t)(p[4] | (uint16_t)p[5] << 8);
+        r->source = p[6];
         return r->valid_ms >= SLAMD_MIN_VALID_MS && r->valid_ms <= SLAMD_MAX_VALID_MS;
     default:
         return false;

@@ -58,22 +58,28 @@ impl WheelSpeeds {
 pub struct Drive {
     speeds: WheelSpeeds,
     valid_ms: u16,
+    source: u8,
 }
 
 impl Drive {
     /// How long a DRIVE may be valid, milliseconds.
     pub const VALID_MS: RangeInclusive<u16> = 50..=1_000;
 
-    /// Commands `speeds` for `valid_ms` milliseconds from its arrival.
+    /// The source of a command that a person or program gives at the owner's socket.
+    pub const FROM_SOCKET: u8 = 1;
+    /// The source of a command that comes over the network with a token that permits to drive.
+    pub const FROM_TOKEN: u8 = 2;
+
+    /// Commands `speeds` for `valid_ms` milliseconds from its arrival; `source` is who commands, for the record.
     ///
     /// # Errors
     /// `valid_ms` is outside [`Self::VALID_MS`].
-    pub fn new(speeds: WheelSpeeds, valid_ms: u16) -> Result<Self, MessageError> {
+    pub fn new(speeds: WheelSpeeds, valid_ms: u16, source: u8) -> Result<Self, MessageError> {
         if !Self::VALID_MS.contains(&valid_ms) {
             let got = valid_ms.into();
             return Err(MessageError::Value { field: "valid_ms of DRIVE", got, expected: "50 to 1000" });
         }
-        Ok(Self { speeds, valid_ms })
+        Ok(Self { speeds, valid_ms, source })
     }
 
     /// The wheels' speeds.
@@ -88,14 +94,20 @@ impl Drive {
         self.valid_ms
     }
 
+    /// Who commands: 0 if that is not said, or one of the constants. A board does not look at it.
+    #[must_use]
+    pub const fn source(&self) -> u8 {
+        self.source
+    }
+
     pub(super) fn parse(payload: &[u8]) -> Result<Self, MessageError> {
-        let mut fields = Reader::new("DRIVE", "at least 6", payload);
-        Self::new(WheelSpeeds::parse(&mut fields)?, fields.u16()?)
+        let mut fields = Reader::new("DRIVE", "at least 7", payload);
+        Self::new(WheelSpeeds::parse(&mut fields)?, fields.u16()?, fields.u8()?)
     }
 
     pub(super) fn emit(&self, out: &mut Writer<'_>) {
         self.speeds.emit(out);
-        out.u16(self.valid_ms);
+        out.u16(self.valid_ms).u8(self.source);
     }
 }
 
@@ -177,7 +189,7 @@ mod tests {
     fn commands_out_of_range_cannot_be_made() {
         assert!(WheelSpeeds::new(-2_000, 2_000).is_ok());
         assert!(WheelSpeeds::new(2_001, 0).is_err() && WheelSpeeds::new(0, i16::MIN).is_err());
-        let drive = |valid_ms| Drive::new(WheelSpeeds::ZERO, valid_ms);
+        let drive = |valid_ms| Drive::new(WheelSpeeds::ZERO, valid_ms, Drive::FROM_SOCKET);
         assert!(drive(50).is_ok() && drive(1_000).is_ok());
         assert!(drive(49).is_err() && drive(1_001).is_err() && drive(u16::MAX).is_err());
     }

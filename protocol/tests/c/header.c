@@ -114,6 +114,7 @@ static bool asked(const struct slamd_decoder *d, struct slamd_writer *w) {
         slamd_u16(w, (uint16_t)r.mm_s[0]);
         slamd_u16(w, (uint16_t)r.mm_s[1]);
         slamd_u16(w, r.valid_ms);
+        slamd_u8(w, r.source);
     }
     if (r.kind == SLAMD_TIME_REQUEST) slamd_u16(w, r.token);
     return true;

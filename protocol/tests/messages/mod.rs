@@ -149,7 +149,8 @@ fn speeds() -> impl Strategy<Value = WheelSpeeds> {
 }
 
 fn drive() -> impl Strategy<Value = Drive> {
-    (speeds(), Drive::VALID_MS).prop_map(|(speeds, valid_ms)| Drive::new(speeds, valid_ms).expect("in range"))
+    (speeds(), Drive::VALID_MS, any::<u8>())
+        .prop_map(|(speeds, valid_ms, source)| Drive::new(speeds, valid_ms, source).expect("in range"))
 }
 
 fn motion() -> impl Strategy<Value = Motion> {
