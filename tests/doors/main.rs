@@ -1,6 +1,8 @@
 //! What other programs connect to: JSON API, Prometheus, MQTT, Rerun; and the log.
 
 mod api;
+#[cfg(feature = "mqtt")]
+mod driving;
 mod limits;
 mod log;
 #[cfg(feature = "mqtt")]

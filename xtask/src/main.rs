@@ -3,6 +3,7 @@
 //! `cargo xtask --help` lists them, `cargo xtask TASK --help` their options. Each prints Markdown on standard output and its progress on
 //! standard error, and fails where a promise is broken.
 
+mod dead_man;
 mod fuzz;
 mod kill;
 mod localize;
@@ -14,6 +15,7 @@ mod seeds;
 mod sensor_faults;
 mod simulation;
 mod soak;
+mod strangers;
 
 use clap::{Parser, Subcommand};
 use std::process::Command;
@@ -29,6 +31,8 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Task {
     Kill(kill::Options),
+    DeadMan(dead_man::Options),
+    Strangers(strangers::Options),
     Replug(replug::Options),
     Fuzz(fuzz::Options),
     Simulation(simulation::Options),
@@ -42,8 +46,13 @@ enum Task {
 
 /// Builds the program that a task starts, in this program's own profile, without the viewer.
 fn build_slamd() {
+    build_slamd_with(&[]);
+}
+
+/// The same with these options of Cargo.
+fn build_slamd_with(options: &[&str]) {
     let mut cargo = Command::new(env!("CARGO"));
-    cargo.args(["build", "--locked", "--no-default-features", "--package", "slamd", "--bin", "slamd"]);
+    cargo.args(["build", "--locked", "--no-default-features", "--package", "slamd", "--bin", "slamd"]).args(options);
     if !cfg!(debug_assertions) {
         cargo.arg("--release");
     }
@@ -57,6 +66,14 @@ fn main() {
         Task::Kill(options) => {
             build_slamd();
             kill::run(&options);
+        }
+        Task::DeadMan(options) => {
+            build_slamd();
+            dead_man::run(&options);
+        }
+        Task::Strangers(options) => {
+            build_slamd_with(&["--features", "mqtt"]);
+            strangers::run(&options);
         }
         Task::Replug(options) => {
             build_slamd();

@@ -61,7 +61,7 @@ impl Endings {
         Self {
             encoder: FrameEncoder::new(),
             decoder: FrameDecoder::new(),
-            random: Random::new(seed, Stream::Hands),
+            random: Random::new(seed, Stream::Robot),
             phase: Phase::Greeting(100_000),
             speeds: WheelSpeeds::ZERO,
             ended: 0,
@@ -125,7 +125,9 @@ impl Host for Endings {
                 said
             }
             Phase::Driving(..) if at_us.is_multiple_of(DRIVE_US) => self.drive(self.speeds),
-            Phase::Ended(Ending::Expiry, ended_us, _) if at_us.is_multiple_of(DRIVE_US) && at_us < ended_us + 600_000 => {
+            Phase::Ended(Ending::Expiry, ended_us, _)
+                if at_us.is_multiple_of(DRIVE_US) && at_us < ended_us + 600_000 =>
+            {
                 self.encoder.encode(&Message::Heartbeat).to_vec()
             }
             Phase::Ended(_, ended_us, _) if at_us >= ended_us + 1_000_000 => {
@@ -148,7 +150,11 @@ impl Host for Endings {
                 if fastest_m_s > 0.0 {
                     let longest = &mut self.longest_us[ending as usize];
                     *longest = (*longest).max(at_us - ended_us);
-                    assert!(at_us <= stands_us + GRAIN_US, "{ending:?}: {fastest_m_s} m/s {} us after it", at_us - ended_us);
+                    assert!(
+                        at_us <= stands_us + GRAIN_US,
+                        "{ending:?}: {fastest_m_s} m/s {} us after it",
+                        at_us - ended_us
+                    );
                 }
             }
             Phase::Greeting(_) => {}
@@ -170,7 +176,10 @@ fn the_image_stands_still_in_time_whatever_ends_a_drive() {
     let (runner, image) = emulation::build();
     let mut host = Endings::new(1);
     emulation::run_with(runner, image, Plant::new(1).standing(), SECONDS, &mut host);
-    println!("{} endings, longest {:?} us for {ENDINGS:?}; fastest {} m/s", host.ended, host.longest_us, host.fastest_m_s);
+    println!(
+        "{} endings, longest {:?} us for {ENDINGS:?}; fastest {} m/s",
+        host.ended, host.longest_us, host.fastest_m_s
+    );
     assert!(host.ended >= 2 * ENDINGS.len(), "{}", host.ended);
     assert!(host.fastest_m_s > 0.3, "it hardly moved: {} m/s", host.fastest_m_s);
     let all = [MotionState::Idle, MotionState::Driving, MotionState::TimeOut, MotionState::EmergencyPin];

@@ -4,8 +4,8 @@
 
 use slamd_core::{Pose2, Ring};
 use slamd_sim::explore::Explorer;
-use slamd_sim::random::{Random, Stream};
 use slamd_sim::home::Grip;
+use slamd_sim::random::{Random, Stream};
 use slamd_sim::robot::{Robot, STEP_S, STEP_US, Twist, WheelDrive};
 use slamd_sim::sonar::{BeamShape, reading};
 use slamd_sim::world::World;
@@ -108,7 +108,8 @@ impl Plant {
                 self.command = self.explorer.command(&self.world, self.robot.pose(0.0), seconds);
             }
             if self.is_driven {
-                let grip = if self.robot.presses(&self.world) { Grip { forward: 0.0, ..Grip::FULL } } else { Grip::FULL };
+                let grip =
+                    if self.robot.presses(&self.world) { Grip { forward: 0.0, ..Grip::FULL } } else { Grip::FULL };
                 let drives = self.bridges.map(|bridge| match bridge {
                     Bridge::Brake => WheelDrive::Brake,
                     Bridge::Voltage(0.0) => WheelDrive::Coast,

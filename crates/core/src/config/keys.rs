@@ -207,9 +207,19 @@ fn drive() -> Vec<Key> {
     vec![
         number("max_speed_m_s", 0.01, 2.0, "Highest speed forward or backward, metres per second."),
         number("max_turn_rad_s", 0.01, 10.0, "Highest turn rate, radians per second."),
-        number("acceleration_m_s2", 0.02, 5.0, "Ramp of the speed, metres per second squared; stops do not wait for it."),
+        number(
+            "acceleration_m_s2",
+            0.02,
+            5.0,
+            "Ramp of the speed, metres per second squared; stops do not wait for it.",
+        ),
         number("turn_acceleration_rad_s2", 0.1, 50.0, "Ramp of the turn rate, radians per second squared."),
-        number("lease_s", 0.5, 60.0, "So long after its last command a client remains the only one that may drive, seconds."),
+        number(
+            "lease_s",
+            0.5,
+            60.0,
+            "So long after its last command a client remains the only one that may drive, seconds.",
+        ),
     ]
 }
 

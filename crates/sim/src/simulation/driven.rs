@@ -41,9 +41,9 @@ impl Simulation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::robot::BODY_RADIUS_M;
     use crate::fault::FaultMix;
     use crate::link::LinkFaults;
+    use crate::robot::BODY_RADIUS_M;
     use crate::simulation::SimConfig;
     use crate::sonar::BeamShape;
     use crate::world::World;
