@@ -10,7 +10,7 @@ use slamd_protocol::MotionState;
 /// What decides whether the robot may be driven now. The default permits nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Conditions {
-    /// Sweeps arrive.
+    /// Sweeps arrive, and the board has said who it is.
     pub is_streaming: bool,
     /// The board obeys DRIVE.
     pub has_motors: bool,
@@ -29,9 +29,10 @@ impl Conditions {
     #[must_use]
     pub fn of(link: &Link, session: &Session) -> Self {
         let (pipeline, state) = (session.pipeline(), session.state());
+        let hello = pipeline.board().hello();
         Self {
-            is_streaming: link.state() == LinkState::Streaming,
-            has_motors: pipeline.board().hello().is_some_and(slamd_protocol::Hello::drives),
+            is_streaming: link.state() == LinkState::Streaming && hello.is_some(),
+            has_motors: hello.is_some_and(slamd_protocol::Hello::drives),
             is_lost: state.is_lost() || state.estimate().is_none(),
             is_doubted: state.models().iter().any(|event| event.state == ModelState::Doubted),
             has_wheels: state.encoders() == [EncoderState::Healthy; 2],

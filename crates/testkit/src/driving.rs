@@ -47,11 +47,18 @@ impl Owner {
         self.ask("?DRIVE={\"turn_rad_s\":1.0,\"for_ms\":1000};")
     }
 
-    /// Turns for this long.
+    /// Turns for this long, from when the board has said who it is.
     ///
     /// # Panics
     /// When that is refused.
     pub fn turns(&mut self, span: Duration) {
+        for _ in 0..200 {
+            let answer = self.turn();
+            if !answer["message"].as_str().is_some_and(|message| message.contains("not streaming")) {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
         for _ in 0..=span.as_millis() / 100 {
             let answer = self.turn();
             assert_eq!(answer["class"], "DRIVE", "{answer}");
