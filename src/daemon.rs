@@ -1,5 +1,10 @@
-//! The daemon's select loop over serial port, deadlines and shutdown.
+//! The daemon's select loop over serial port, deadlines, orders to drive and shutdown.
 
+mod shutdown;
+
+pub use shutdown::{DaemonError, Shutdown};
+
+use crate::drive::{Conditions, Steering};
 use crate::port::{self, PortError, PortName};
 use crate::recorder::{Chunk, Recorder};
 use crate::session_file::Saver;
@@ -7,21 +12,15 @@ use crate::source::checkpoints::Checkpoints;
 use crate::source::live::LiveSession;
 use crate::source::session::Session;
 use bytes::Bytes;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-use signal_hook::flag::register_conditional_shutdown;
 use slamd_core::{
     Timestamp,
     link::{Link, LinkState, Remedy},
 };
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::pin::Pin;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::task::{Context, Poll, ready};
 use std::time::{Duration, Instant};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
-use tokio::signal::unix::{Signal, SignalKind, signal};
-use tokio::sync::Notify;
 use tokio_serial::{SerialPort, SerialStream};
 
 /// Options of a live session.
@@ -34,11 +33,6 @@ pub struct Options<'a> {
     /// Ends the session when the port hangs up, instead of waiting for its return.
     pub exit_on_hangup: bool,
 }
-
-/// A live session cannot begin because signal handlers cannot be installed.
-#[derive(Debug, thiserror::Error)]
-#[error("cannot handle signals: {0}")]
-pub struct DaemonError(pub std::io::Error);
 
 /// Session time. It continues during system suspend, as the board's clock and the calendar do.
 #[derive(Clone, Copy, Debug)]
@@ -68,83 +62,6 @@ fn since_boot() -> Duration {
 
 /// Called between any two steps with the link and, once there is one, the session. It must not block.
 pub type Observer<'a> = dyn FnMut(&Link, Option<&Session>) + 'a;
-
-/// What ends a session: Ctrl-C, SIGTERM, SIGHUP (a closed terminal), the end of its duration, or a notification.
-#[derive(Debug)]
-pub struct Shutdown {
-    asked: Arc<Notify>,
-    interrupt: Signal,
-    terminate: Signal,
-    /// None under `nohup`.
-    hangup: Option<Signal>,
-    /// While it is set, a signal ends the program at once.
-    at_once: Arc<AtomicBool>,
-    end: Option<tokio::time::Instant>,
-}
-
-impl Shutdown {
-    /// Listens for signals, and ends after `duration` if given.
-    ///
-    /// # Errors
-    /// When signal handlers cannot be installed.
-    pub fn new(duration: Option<Duration>) -> Result<Self, DaemonError> {
-        let (at_once, hangs_up) = (Arc::new(AtomicBool::new(false)), !ignores_hangup());
-        for number in [SIGINT, SIGTERM].into_iter().chain(hangs_up.then_some(SIGHUP)) {
-            register_conditional_shutdown(number, 128 + number, Arc::clone(&at_once)).map_err(DaemonError)?;
-        }
-        Ok(Self {
-            at_once,
-            asked: Arc::default(),
-            interrupt: signal(SignalKind::interrupt()).map_err(DaemonError)?,
-            terminate: signal(SignalKind::terminate()).map_err(DaemonError)?,
-            hangup: hangs_up.then(|| signal(SignalKind::hangup())).transpose().map_err(DaemonError)?,
-            end: duration.map(|duration| tokio::time::Instant::now() + duration),
-        })
-    }
-
-    /// Whether a signal ends the program at once, as while files are read at the beginning and nothing would be lost.
-    pub fn at_once(&self, is_at_once: bool) {
-        self.at_once.store(is_at_once, Ordering::Relaxed);
-    }
-
-    /// Notify this from any thread to end the session.
-    #[must_use]
-    pub fn asked(&self) -> Arc<Notify> {
-        Arc::clone(&self.asked)
-    }
-
-    /// Returns when the session must end.
-    pub async fn requested(&mut self) {
-        let end = self.end;
-        let hangup = &mut self.hangup;
-        let hung_up = async {
-            match hangup {
-                Some(hangup) => hangup.recv().await,
-                None => std::future::pending().await,
-            }
-        };
-        let is_over = async {
-            match end {
-                Some(end) => tokio::time::sleep_until(end).await,
-                None => std::future::pending().await,
-            }
-        };
-        tokio::select! {
-            _ = self.interrupt.recv() => {}
-            _ = self.terminate.recv() => {}
-            _ = hung_up => {}
-            () = self.asked.notified() => {}
-            () = is_over => {}
-        }
-    }
-}
-
-/// True if the program was started with SIGHUP ignored, as `nohup` does: then it shall survive its terminal.
-fn ignores_hangup() -> bool {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
-    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).is_some_and(|mask| mask & 1 != 0)
-}
 
 /// Search period for a missing port: short, so that a replugged board is used at once.
 const SEARCH_PERIOD: Duration = Duration::from_millis(100);
@@ -243,6 +160,8 @@ const STATISTICS_PERIOD: Duration = Duration::from_secs(300);
 /// What woke the loop.
 enum Wake {
     Traffic(std::io::Result<Traffic>),
+    /// A client orders the robot to drive or stop.
+    Order,
     Deadline,
     End,
 }
@@ -259,6 +178,8 @@ pub struct Live<'a> {
     pub saver: &'a mut Option<Saver>,
     /// Writes the map meanwhile.
     pub checkpoints: &'a mut Checkpoints,
+    /// Drives the robot; none without `--drive`.
+    pub steering: Option<Steering>,
 }
 
 /// Runs until the end is requested, or until a hang-up if `options.exit_on_hangup` is set.
@@ -270,7 +191,7 @@ pub async fn run(
     live: Live<'_>,
     observe: &mut Observer<'_>,
 ) {
-    let Live { clock, session, recorder, saver, checkpoints } = live;
+    let Live { clock, session, recorder, saver, checkpoints, mut steering } = live;
     let now = || clock.now();
     let mut live = LiveSession::begin(port.name.clone(), now(), link, session);
     let mut statistics = Timestamp::default() + STATISTICS_PERIOD;
@@ -279,10 +200,12 @@ pub async fn run(
         log_changes(link);
         log_statistics(session, &mut statistics);
         observe(link, Some(session));
-        let wait = Duration::from_micros(live.deadline().us().saturating_sub(now().us()));
+        let deadline = steering.as_ref().and_then(Steering::deadline).into_iter().fold(live.deadline(), Ord::min);
+        let wait = Duration::from_micros(deadline.us().saturating_sub(now().us()));
         let wake = tokio::select! {
             traffic = port.traffic(live.outgoing()) => Wake::Traffic(traffic),
             () = tokio::time::sleep(wait) => Wake::Deadline,
+            () = ordered(steering.as_ref()) => Wake::Order,
             () = shutdown.requested() => Wake::End,
         };
         let (mut gone, mut hung_up) = (None, false);
@@ -301,9 +224,22 @@ pub async fn run(
                 live.tick(now());
                 None
             }
-            Wake::End => return,
+            Wake::Order => None,
+            Wake::End => {
+                if let Some(stop) = steering.as_mut().and_then(Steering::end) {
+                    live.command(stop);
+                    let _ = tokio::time::timeout(LAST_WRITE, flush(&mut port, &mut live, recorder, now)).await;
+                }
+                return;
+            }
         };
         record(recorder, chunk);
+        if let Some(steering) = &mut steering {
+            let at = now();
+            let (link, session) = live.parts();
+            let conditions = Conditions::of(link, session);
+            steering.turn(at, &conditions).into_iter().for_each(|frame| live.command(frame));
+        }
         if let Some(saver) = saver {
             let (_, session) = live.parts();
             saver.tick(session.now(), || session.saved_state());
@@ -322,13 +258,45 @@ pub async fn run(
             // Closes the port at once; while it is open, the kernel gives a returning device another name.
             drop(port);
             let (link, session) = live.parts();
-            let mut look = |link: &Link| observe(link, Some(session));
+            let mut look = |link: &Link| {
+                observe(link, Some(session));
+                // Orders are refused, not kept for a port that returns.
+                steering.iter_mut().for_each(|steering| drop(steering.turn(now(), &Conditions::default())));
+            };
             let Ok(Some(found)) = search(options, link, now, shutdown, &mut look).await else {
                 return;
             };
             port = found;
             record(recorder, Some(live.reopened(port.name.clone(), now())));
         }
+    }
+}
+
+/// The frame that stops the robot may take so long at the end.
+const LAST_WRITE: Duration = Duration::from_millis(200);
+
+/// Waits for an order to drive.
+async fn ordered(steering: Option<&Steering>) {
+    match steering {
+        Some(steering) => steering.ordered().await,
+        None => std::future::pending().await,
+    }
+}
+
+/// Writes what waits.
+async fn flush(
+    port: &mut OpenPort,
+    live: &mut LiveSession<'_>,
+    recorder: &mut Option<Recorder>,
+    now: impl Fn() -> Timestamp,
+) {
+    while live.outgoing().is_some() {
+        let chunk = match port.traffic(live.outgoing()).await {
+            Ok(Traffic::Read(_, bytes)) => live.read(now(), bytes),
+            Ok(Traffic::Wrote(count)) => live.wrote(now(), count),
+            Err(_) => return,
+        };
+        record(recorder, Some(chunk));
     }
 }
 

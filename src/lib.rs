@@ -19,6 +19,7 @@ pub mod api;
 pub mod cli;
 pub mod daemon;
 mod descriptors;
+pub mod drive;
 mod log_counts;
 pub mod monitor;
 #[cfg(feature = "mqtt")]

@@ -14,8 +14,8 @@ mod version;
 pub use decoder::{DecoderCounters, FrameDecoder};
 pub use frame::{DELIMITER, Frame, FrameBuf, FrameEncoder, MAX_FRAME, MAX_PAYLOAD, PayloadBuf, encode_frame};
 pub use message::{
-    AckResult, Echo, Encoder, Fault, FaultCode, Geometry, Hello, Log, MAX_ECHOES, MAX_PLACEMENTS, MAX_SENSORS, Message,
-    MessageError, Placement, SensorEcho, Sonar, Status, Text, kind,
+    AckResult, Drive, Echo, Encoder, Fault, FaultCode, Geometry, Hello, Log, MAX_ECHOES, MAX_PLACEMENTS, MAX_SENSORS,
+    Message, MessageError, Motion, MotionState, Placement, SensorEcho, Sonar, Status, Text, WheelSpeeds, kind,
 };
 pub use setting::Setting;
 pub use version::{VERSION_MAJOR, VERSION_MINOR, VersionError};

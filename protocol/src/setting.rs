@@ -67,6 +67,24 @@ settings! {
     Clockwise = 11, "clockwise", 0..=1, 0;
     /// Maximum range, millimetres; an echo from farther away is reported as no echo.
     MaxRangeMm = 12, "max_range_mm", 100..=6_000, 3_000;
+    /// Highest speed of a wheel, millimetres per second; 0 on a board without motors.
+    TopSpeedMmS = 13, "top_speed_mm_s", 0..=2_000, 0;
+    /// Ramp of the wheels' speeds, millimetres per second squared. Stops do not wait for it.
+    AccelerationMmS2 = 14, "acceleration_mm_s2", 50..=5_000, 500;
+    /// The board stops if an echo where it drives is nearer than this, millimetres from the sensor.
+    StopDistanceMm = 15, "stop_distance_mm", 0..=2_000, 250;
+    /// Radius of the wheels, micrometres: it makes speeds of encoder ticks.
+    WheelRadiusUm = 16, "wheel_radius_um", 5_000..=500_000, 35_000;
+    /// Feed-forward gain: thousandths of the full motor voltage per 100 mm/s of commanded speed.
+    GainForward = 17, "gain_forward", 0..=1_000, 100;
+    /// Proportional gain: thousandths of the full motor voltage per 100 mm/s of error.
+    GainProportional = 18, "gain_proportional", 0..=1_000, 100;
+    /// Integral gain: thousandths of the full motor voltage per 100 mm/s of error, each second.
+    GainIntegral = 19, "gain_integral", 0..=2_000, 300;
+    /// 1 if the left motor runs backwards.
+    LeftMotorReversed = 20, "left_motor_reversed", 0..=1, 0;
+    /// 1 if the right motor runs backwards.
+    RightMotorReversed = 21, "right_motor_reversed", 0..=1, 0;
 }
 
 impl Setting {
@@ -88,10 +106,10 @@ impl Setting {
         Self::ALL.into_iter().find(|setting| setting.name() == name)
     }
 
-    /// True if the setting changes the firing: the board accepts it only while the ring is stopped.
+    /// True if the setting changes the firing or the motors: the board accepts it only while the ring is stopped.
     #[must_use]
     pub const fn needs_stop(self) -> bool {
-        matches!(self, Self::Sensors | Self::Groups | Self::SlotUs | Self::MaxRangeMm)
+        matches!(self, Self::Sensors | Self::Groups | Self::SlotUs) || self.key() >= Self::MaxRangeMm.key()
     }
 }
 

@@ -4,9 +4,9 @@
 /// [`crate::Hello::check_version`].
 pub const VERSION_MAJOR: u8 = 1;
 
-/// The minor version. It grows with each appended field or added message and never affects
-/// compatibility.
-pub const VERSION_MINOR: u8 = 0;
+/// The minor version. It grows with each appended field or added message and never makes a board
+/// incompatible.
+pub const VERSION_MINOR: u8 = 1;
 
 /// The board speaks another major version.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]

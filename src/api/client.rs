@@ -1,11 +1,17 @@
 //! The state machine of one client: bytes and times go in, lines come out. It has no socket and no clock.
 
+mod changes;
+
+use super::http::is_http;
+use super::pace::is_time;
 use super::report::{DeviceState, Report};
 use super::request::{MAX_LINE_BYTES, Request, RequestError, Watch, parse};
+use super::right::{Orders, Right};
 use super::send_queue::SendQueue;
 use super::token::Token;
+use crate::drive::{Granted, Order, Refusal};
 use bytes::Bytes;
-use slamd_core::{FaultEvent, ModelEvent, ModelState, SensorState, Snapshot, Timestamp};
+use slamd_core::{FaultEvent, ModelEvent, Snapshot, Timestamp};
 use std::time::Duration;
 
 /// Why a connection is closed.
@@ -41,6 +47,8 @@ pub struct Pending {
 pub struct Client {
     /// The token that the client must still send.
     token: Option<Token>,
+    right: Right,
+    orders: Orders,
     failures: u32,
     connected_at: Timestamp,
     requested_at: Timestamp,
@@ -98,8 +106,16 @@ impl Client {
     /// A client that connected at `at` and must send `token`, if there is one.
     #[must_use]
     pub fn new(at: Timestamp, token: Option<Token>) -> Self {
+        Self::with_right(at, token, Right::default())
+    }
+
+    /// The same with a right to drive, or a way to get it.
+    #[must_use]
+    pub fn with_right(at: Timestamp, token: Option<Token>, right: Right) -> Self {
         let mut client = Self {
             token,
+            right,
+            orders: Orders::default(),
             failures: 0,
             connected_at: at,
             requested_at: at,
@@ -252,6 +268,21 @@ impl Client {
         self.token.is_none()
     }
 
+    /// The next order for the helm and where it comes from; [`Client::answered`] takes the answer.
+    pub fn take_order(&mut self) -> Option<(Order, u8)> {
+        Some((self.orders.next()?, self.right.source?))
+    }
+
+    /// Takes the helm's answer to the last order.
+    pub fn answered(&mut self, at: Timestamp, answer: &Result<Granted, Refusal>) {
+        self.orders.answered();
+        match answer {
+            Ok(granted) => self.send(at, &Report::drive(granted)),
+            Err(refusal) => self.send_error(at, &refusal.to_string()),
+        }
+        self.close_if_done(at);
+    }
+
     /// There are too many clients.
     pub fn refuse(&mut self, at: Timestamp, message: &str) {
         self.drop_with(at, End::Refused, message);
@@ -293,18 +324,22 @@ impl Client {
         };
         self.requested_at = at;
         if let Some(token) = &self.token {
-            if matches!(&request, Request::Token(word) if token.is(word)) {
-                self.token = None;
-                return self.send(at, &Report::version());
+            let Request::Token(word) = &request else { return self.failed(at) };
+            let (reads, drives) = (token.is(word), self.right.claim(word));
+            if !(reads || drives) {
+                return self.failed(at);
             }
-            self.failures += 1;
-            return if self.failures < MAX_FAILURES {
-                self.send_error(at, "begin with the right ?TOKEN=\"...\";");
-            } else {
-                self.drop_with(at, End::Unauthorized, "three times without the right token");
-            };
+            self.token = None;
+            return self.send(at, &Report::version());
         }
         match request {
+            // Where no token is needed to read, any other word is as good as none.
+            Request::Token(word) if self.right.token.is_some() && !self.right.claim(&word) => self.failed(at),
+            Request::Drive(_) | Request::Stop if self.right.source.is_none() => {
+                self.send_error(at, self.right.refusal());
+            }
+            Request::Drive(wish) => self.orders.push(Order::Drive(wish.into())),
+            Request::Stop => self.orders.push(Order::Stop),
             Request::Version | Request::Token(_) => self.send(at, &Report::version()),
             Request::Poll => self.requested.poll = true,
             Request::Map => self.requested.map = true,
@@ -317,38 +352,19 @@ impl Client {
         }
     }
 
-    /// Sends what changed of link and sensors since the last report.
-    fn send_changes(&mut self, at: Timestamp, snapshot: &Snapshot) {
-        if !self.sent.device.as_ref().is_some_and(|state| state.is_state_of(snapshot)) {
-            self.sent.device = Some(DeviceState::new(snapshot));
-            self.send(at, &Report::device(snapshot));
-        }
-        if self.sent.models != snapshot.models {
-            let before = std::mem::replace(&mut self.sent.models, snapshot.models.clone());
-            // Each aspect keeps its index. A new watcher gets what differs now.
-            for (index, event) in snapshot.models.iter().enumerate() {
-                let is_news = index < before.len() || event.state != ModelState::Resolved;
-                if is_news && before.get(index) != Some(event) {
-                    self.send(at, &Report::model(event));
-                }
-            }
-        }
-        if self.sent.changes != snapshot.changes {
-            let before = std::mem::replace(&mut self.sent.changes, snapshot.changes.clone());
-            for (sensor, change) in snapshot.changes.iter().enumerate() {
-                let before = before.get(sensor).and_then(Option::as_ref);
-                // A new watcher gets the faults of the present, not those that have passed.
-                let is_news = |change: &&FaultEvent| before.is_some() || change.state != SensorState::Healthy;
-                if let Some(change) = change.as_ref().filter(|change| Some(*change) != before).filter(is_news) {
-                    self.send(at, &Report::fault(change));
-                }
-            }
+    /// A line that should have been the right token.
+    fn failed(&mut self, at: Timestamp) {
+        self.failures += 1;
+        if self.failures < MAX_FAILURES {
+            self.send_error(at, "begin with the right ?TOKEN=\"...\";");
+        } else {
+            self.drop_with(at, End::Unauthorized, "three times without the right token");
         }
     }
 
     /// Ends a client that sends no more and has received every answer.
     fn close_if_done(&mut self, at: Timestamp) {
-        if self.is_closing && self.end.is_none() && self.requested == Requested::default() {
+        if self.is_closing && self.end.is_none() && self.requested == Requested::default() && self.orders.is_empty() {
             self.end = Some((End::Done, at + CLOSE_TIMEOUT));
         }
     }
@@ -376,24 +392,4 @@ impl Client {
         self.send_queue.push(at, Report::Error { message }.line());
         self.end = Some((end, at + CLOSE_TIMEOUT));
     }
-}
-
-/// True for the first line of an HTTP request.
-fn is_http(line: &[u8]) -> bool {
-    let line = line.strip_suffix(b"\r").unwrap_or(line);
-    line.ends_with(b" HTTP/1.1") || line.ends_with(b" HTTP/1.0") || line.ends_with(b" HTTP/2.0")
-}
-
-/// True if a report is due at this rate; then sets the next time. A report may come a quarter of a period early, because sweeps are not exactly
-/// periodic.
-fn is_time(due: &mut Timestamp, hz: f64, at: Timestamp) -> bool {
-    if hz <= 0.0 {
-        return false;
-    }
-    let period = Duration::from_secs_f64(1.0 / hz);
-    let is_time = at + period / 4 >= *due;
-    if is_time {
-        *due = (*due + period).max(at);
-    }
-    is_time
 }

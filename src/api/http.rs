@@ -112,6 +112,12 @@ pub(super) fn answer(status: Status, body: &str) -> Vec<u8> {
     .into_bytes()
 }
 
+/// True for the first line of an HTTP request.
+pub(super) fn is_http(line: &[u8]) -> bool {
+    let line = line.strip_suffix(b"\r").unwrap_or(line);
+    line.ends_with(b" HTTP/1.1") || line.ends_with(b" HTTP/1.0") || line.ends_with(b" HTTP/2.0")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,4 +1,5 @@
-//! The session for other programs: JSON lines after gpsd's model, and two HTTP pages for monitoring. Read-only.
+//! The session for other programs: JSON lines after gpsd's model, and two HTTP pages for monitoring. Read-only, except for clients with the
+//! right to drive where slamd runs with `--drive`: [`crate::drive`].
 //!
 //! `session → Tap → Mailbox → (thread) Server → Client → lines`
 //!
@@ -11,9 +12,11 @@ mod http;
 mod listener;
 mod mailbox;
 mod metrics;
+mod pace;
 mod pages;
 mod report;
 mod request;
+mod right;
 mod send_queue;
 mod server;
 mod tap;
@@ -24,8 +27,9 @@ pub use client::{Client, End, Pending};
 pub use listener::{Listener, ListenerError};
 pub use mailbox::Mailbox;
 pub use report::{MAJOR, MINOR, Report, map_line};
-pub use request::{MAX_LINE_BYTES, Request, RequestError, Watch, parse};
-pub use server::Server;
+pub use request::{Drive as DriveRequest, MAX_LINE_BYTES, Request, RequestError, Watch, parse};
+pub use right::Right;
+pub use server::{DriveAccess, Server};
 pub use slamd_core::Snapshot;
 pub use tap::Tap;
 pub use token::{Token, TokenError};

@@ -2,6 +2,7 @@
 //! `docs/api.md` describes each field; a test compares it with this file.
 
 use super::request::Watch;
+use crate::drive::Granted;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use bytes::Bytes;
@@ -36,7 +37,7 @@ impl DeviceState {
 /// Version of the lines: a new major version changes fields, a new minor version adds fields.
 pub const MAJOR: u32 = 1;
 /// See [`MAJOR`].
-pub const MINOR: u32 = 0;
+pub const MINOR: u32 = 1;
 
 /// A line for a client. Each field's unit is in its name; `docs/api.md` describes them.
 #[derive(Clone, Debug, Serialize)]
@@ -52,6 +53,7 @@ pub enum Report<'a> {
     Fault(Fault<'a>),
     Model(Model<'a>),
     Stats(Stats),
+    Drive(Drive),
     Error { message: &'a str },
 }
 
@@ -67,6 +69,15 @@ pub struct Device<'a> {
     pub firmware: Option<&'a str>,
     pub protocol: Option<String>,
     pub sensors: Vec<Sensor>,
+}
+
+/// What slamd commands to the motors.
+#[derive(Clone, Debug, Serialize)]
+pub struct Drive {
+    pub forward_m_s: f64,
+    pub turn_rad_s: f64,
+    pub for_ms: u16,
+    pub motors: Option<&'static str>,
 }
 
 /// Where a sensor is mounted.
@@ -264,6 +275,14 @@ impl<'a> Report<'a> {
             remedies: finding.remedies.iter().map(|(key, value)| Remedy { key, value }).collect(),
             text: event.sentence(),
         })
+    }
+
+    /// What was commanded.
+    #[must_use]
+    pub fn drive(granted: &Granted) -> Self {
+        let Granted { twist, for_ms, motors } = *granted;
+        let (forward_m_s, turn_rad_s) = (rounded(twist.forward_m_s), rounded(twist.turn_rad_s));
+        Self::Drive(Drive { forward_m_s, turn_rad_s, for_ms, motors })
     }
 
     /// The counters; `clients` are connected.

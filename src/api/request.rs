@@ -2,6 +2,7 @@
 //!
 //! A request is a line `?NAME;` or `?NAME=VALUE;`. The semicolon and a carriage return may be missing.
 
+use crate::drive::{Twist, Wish};
 use serde::{Deserialize, Serialize};
 
 /// Longest accepted line, bytes.
@@ -20,6 +21,10 @@ pub enum Request {
     Watch(Watch),
     /// `?TOKEN="...";`: authenticates the client.
     Token(String),
+    /// `?DRIVE={...};`: a velocity for a short time.
+    Drive(Drive),
+    /// `?STOP;`: stops the robot.
+    Stop,
 }
 
 /// Which reports a client subscribes to, and their highest rates.
@@ -44,12 +49,39 @@ impl Default for Watch {
     }
 }
 
+/// A velocity for a short time, before slamd's limits.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Drive {
+    /// Forward, metres per second.
+    pub forward_m_s: f64,
+    /// Counter-clockwise, radians per second.
+    pub turn_rad_s: f64,
+    /// How long it holds, milliseconds.
+    pub for_ms: u16,
+    /// The client drives by slamd's pose: refused while that is uncertain.
+    pub autonomous: bool,
+}
+
+impl Default for Drive {
+    fn default() -> Self {
+        Self { forward_m_s: 0.0, turn_rad_s: 0.0, for_ms: 300, autonomous: false }
+    }
+}
+
+impl From<Drive> for Wish {
+    fn from(drive: Drive) -> Self {
+        let twist = Twist { forward_m_s: drive.forward_m_s, turn_rad_s: drive.turn_rad_s };
+        Self { twist, for_ms: drive.for_ms, is_autonomous: drive.autonomous }
+    }
+}
+
 /// Why a line is not a request.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RequestError {
     /// No known request.
     #[error(
-        "unknown request: expected ?WATCH={{\"pose_hz\":5}};, ?POLL;, ?MAP;, ?VERSION; or ?TOKEN=\"...\";, one on a line"
+        "unknown request: expected ?WATCH={{\"pose_hz\":5}};, ?POLL;, ?MAP;, ?VERSION;, ?TOKEN=\"...\";, ?DRIVE={{\"forward_m_s\":0.1}}; or ?STOP;, one on a line"
     )]
     Unknown,
     /// The bytes are not UTF-8.
@@ -68,6 +100,9 @@ pub enum RequestError {
         /// What would be right.
         expected: &'static str,
     },
+    /// How long a velocity holds, outside its range.
+    #[error("?DRIVE: for_ms = {0} is out of range: it must be from 50 to 1000")]
+    ForMs(u16),
     /// A rate outside its range.
     #[error("?WATCH: {key} = {value} is out of range: it must be 0, or from {MIN_HZ} to {most}")]
     Rate {
@@ -90,6 +125,7 @@ const MAX_ERROR_CHARS: usize = 120;
 
 const WATCH: &str = "an object with enable, pose_hz, sweep_hz, map_hz or stats_hz";
 const TOKEN: &str = "a JSON string";
+const DRIVE: &str = "an object with forward_m_s, turn_rad_s, for_ms or autonomous";
 
 /// Parses a line without its line feed; none if it is blank.
 ///
@@ -112,6 +148,9 @@ pub fn parse(line: &[u8]) -> Result<Option<Request>, RequestError> {
         ("?MAP", Some(_)) => return Err(RequestError::Surplus("MAP")),
         ("?WATCH", Some(value)) => Request::Watch(within(json("WATCH", value, WATCH)?)?),
         ("?TOKEN", value) => Request::Token(json("TOKEN", value.unwrap_or_default(), TOKEN)?),
+        ("?DRIVE", value) => Request::Drive(lasting(json("DRIVE", value.unwrap_or_default(), DRIVE)?)?),
+        ("?STOP", None) => Request::Stop,
+        ("?STOP", Some(_)) => return Err(RequestError::Surplus("STOP")),
         _ => return Err(RequestError::Unknown),
     };
     Ok(Some(request))
@@ -122,6 +161,11 @@ fn json<'a, T: Deserialize<'a>>(name: &'static str, value: &'a str, expected: &'
         let error: String = error.to_string().chars().take(MAX_ERROR_CHARS).collect();
         RequestError::Value { name, error, expected }
     })
+}
+
+fn lasting(drive: Drive) -> Result<Drive, RequestError> {
+    let is_valid = slamd_protocol::Drive::VALID_MS.contains(&drive.for_ms);
+    if is_valid { Ok(drive) } else { Err(RequestError::ForMs(drive.for_ms)) }
 }
 
 fn within(watch: Watch) -> Result<Watch, RequestError> {
@@ -154,6 +198,9 @@ mod tests {
         let line = br#"?WATCH={"enable":true,"pose_hz":5,"map_hz":0.2};"#;
         assert_eq!(parse(line), Ok(Some(Request::Watch(watch))));
         assert_eq!(parse(br#"?TOKEN="a=b;c";"#), Ok(Some(Request::Token("a=b;c".into()))));
+        let drive = Drive { forward_m_s: -0.1, for_ms: 50, ..Drive::default() };
+        assert_eq!(parse(br#"?DRIVE={"forward_m_s":-0.1,"for_ms":50};"#), Ok(Some(Request::Drive(drive))));
+        assert_eq!(parse(b"?STOP;"), Ok(Some(Request::Stop)));
     }
 
     #[test]
@@ -168,6 +215,13 @@ mod tests {
         );
         assert!(message(r#"?WATCH={"pose_hz":-1};"#).contains("pose_hz = -1"));
         assert!(message("?TOKEN;").contains("a JSON string"));
+        assert!(message("?DRIVE;").contains("an object with forward_m_s"));
+        for line in
+            [r#"{"for_ms":49}"#, r#"{"for_ms":1001}"#, r#"{"for_ms":-1}"#, r#"{"forward_m_s":1e999}"#, r#"{"x":1}"#]
+        {
+            assert!(message(&format!("?DRIVE={line};")).starts_with("?DRIVE: "), "{line}");
+        }
+        assert!(message("?STOP=1;").contains("takes no value"));
         assert!(message(&format!(r#"?WATCH={{"{}":1}};"#, "x".repeat(60_000))).len() < 300);
         assert_eq!(parse(b"?POLL\xff"), Err(RequestError::NotText));
     }

@@ -7,10 +7,12 @@ use super::mailbox::Mailbox;
 use super::metrics::Served;
 use super::pages;
 use super::report::map_line;
+use super::right::Right;
 use super::tap::Tap;
 use super::token::Token;
 use super::waiting::{Seat, WaitingRoom};
 use crate::descriptors;
+use crate::drive::Desk;
 use crate::recorder::DiskHealth;
 use bytes::Bytes;
 use slamd_core::{Snapshot, Timestamp};
@@ -52,12 +54,26 @@ const MAP_REUSE: Duration = Duration::from_millis(500);
 /// Wait after a failed accept, as when no file descriptor is free.
 const ACCEPT_RETRY: Duration = Duration::from_millis(100);
 
+/// How clients come to drive, where slamd runs with `--drive`.
+#[derive(Clone, Debug)]
+pub struct DriveAccess {
+    /// Where their orders go. Clients of the Unix socket need nothing more.
+    pub desk: Arc<Desk>,
+    /// The token that TCP clients need; without one they never drive.
+    pub token: Option<Token>,
+}
+
 impl Server {
-    /// Begins to serve on these listeners. TCP clients must send the token, if there is one.
+    /// Begins to serve on these listeners. TCP clients must send the token, if there is one. Nobody drives without `drive`.
     ///
     /// # Errors
     /// When the system refuses a thread or its event loop.
-    pub fn begin(listeners: Vec<Listener>, token: Option<Token>, disk: Arc<DiskHealth>) -> io::Result<Self> {
+    pub fn begin(
+        listeners: Vec<Listener>,
+        token: Option<Token>,
+        drive: Option<DriveAccess>,
+        disk: Arc<DiskHealth>,
+    ) -> io::Result<Self> {
         let mailbox = Arc::<Mailbox>::default();
         let files = listeners.iter().filter_map(|listener| match listener {
             Listener::Unix(_, path) => Some(path.clone()),
@@ -71,7 +87,7 @@ impl Server {
             std::thread::Builder::new().name("api".into()).spawn(move || {
                 let tasks = LocalSet::new();
                 tasks.block_on(&runtime, async move {
-                    ServerState::open(mailbox, disk, listeners, token);
+                    ServerState::open(mailbox, disk, listeners, token, drive);
                     let _ = is_over.await;
                 });
             })?
@@ -100,6 +116,7 @@ impl Drop for Server {
 
 /// State shared by all tasks of the thread.
 pub(super) struct ServerState {
+    drive: Option<DriveAccess>,
     pub(super) mailbox: Arc<Mailbox>,
     pub(super) disk: Arc<DiskHealth>,
     pub(super) begin: Instant,
@@ -119,10 +136,17 @@ pub(super) struct ServerState {
 
 impl ServerState {
     #[expect(clippy::disallowed_methods, reason = "clients live in real time")]
-    fn open(mailbox: Arc<Mailbox>, disk: Arc<DiskHealth>, listeners: Vec<Listener>, token: Option<Token>) {
+    fn open(
+        mailbox: Arc<Mailbox>,
+        disk: Arc<DiskHealth>,
+        listeners: Vec<Listener>,
+        token: Option<Token>,
+        drive: Option<DriveAccess>,
+    ) {
         let state = Rc::new(Self {
             mailbox,
             disk,
+            drive,
             begin: Instant::now(),
             snapshot: watch::Sender::default(),
             map: watch::Sender::default(),
@@ -162,6 +186,20 @@ impl ServerState {
             refused: self.refused.get(),
             sent_away: self.strangers.sent_away() + self.visitors.sent_away(),
             slow: self.slow.get(),
+        }
+    }
+
+    /// Where orders go; none without `--drive`.
+    pub(super) fn desk(&self) -> Option<Arc<Desk>> {
+        self.drive.as_ref().map(|drive| Arc::clone(&drive.desk))
+    }
+
+    /// The right of a client at the socket of slamd's owner, or of another one.
+    fn right(&self, is_owner: bool) -> Right {
+        match &self.drive {
+            None => Right::default(),
+            Some(_) if is_owner => Right::of_owner(),
+            Some(drive) => Right::with_token(drive.token),
         }
     }
 
@@ -257,7 +295,7 @@ async fn accept_all(state: Rc<ServerState>, listener: Listener, token: Option<To
                     Some(_) => Some(Place::Stranger(state.strangers.enter(Some(from.ip())))),
                     None => Counted::new(&state, |state| &state.clients, MAX_CLIENTS).map(Place::Client),
                 };
-                serve_client(&state, place, stream, from.to_string(), token);
+                serve_client(&state, place, stream, from.to_string(), (token, state.right(false)));
             }
         }
         Listener::Unix(listener, path) => {
@@ -266,7 +304,7 @@ async fn accept_all(state: Rc<ServerState>, listener: Listener, token: Option<To
                 let Some((stream, _)) = accepted(&state, listener.accept().await).await else { continue };
                 // The file's mode lets only its owner connect, so no token is needed.
                 let place = Counted::new(&state, |state| &state.owners, MAX_OWNERS).map(Place::Client);
-                serve_client(&state, place, stream, peer.clone(), None);
+                serve_client(&state, place, stream, peer.clone(), (None, state.right(true)));
             }
         }
         Listener::Http(listener) => {
@@ -298,12 +336,17 @@ async fn accepted<T: AsFd, A>(state: &ServerState, result: io::Result<(T, A)>) -
     }
 }
 
-fn serve_client<S>(state: &Rc<ServerState>, place: Option<Place>, stream: S, peer: String, token: Option<Token>)
-where
+fn serve_client<S>(
+    state: &Rc<ServerState>,
+    place: Option<Place>,
+    stream: S,
+    peer: String,
+    access: (Option<Token>, Right),
+) where
     S: tokio::io::AsyncRead + tokio::io::AsyncWrite + Unpin + 'static,
 {
     if let Some(place) = place {
-        spawn_local(connection::serve(Rc::clone(state), place, stream, peer, token));
+        spawn_local(connection::serve(Rc::clone(state), place, stream, peer, access));
         return;
     }
     state.refused.set(state.refused.get() + 1);

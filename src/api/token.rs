@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use subtle::ConstantTimeEq as _;
 
 /// A token; only its digest is kept.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Token([u8; 32]);
 
 /// A token file that cannot be used.

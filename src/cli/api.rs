@@ -1,7 +1,8 @@
 //! `--listen`, `--socket`, `--metrics`: serves a session to other programs.
 
 use super::{Failure, Kind};
-use crate::api::{Listener, ListenerError, Server, Token};
+use crate::api::{DriveAccess, Listener, ListenerError, Server, Token};
+use crate::drive::Desk;
 use crate::recorder::DiskHealth;
 use clap::Args;
 use slamd_files::OutputGuard;
@@ -25,15 +26,55 @@ pub(super) struct ApiArgs {
     /// TCP clients must send the token in the first line of this file.
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
+    /// Let clients drive the robot (docs/drive.md): those of --socket, and TCP clients with the token of --drive-token-file. Without this
+    /// option slamd moves no motor.
+    #[arg(long)]
+    drive: bool,
+    /// TCP clients that send the token in the first line of this file may drive, too.
+    #[arg(long, value_name = "FILE", requires = "drive", requires = "listen")]
+    drive_token_file: Option<PathBuf>,
 }
 
 /// The options' names, for commands that reject them.
-pub(super) const NAMES: [&str; 4] = ["listen", "socket", "metrics", "token_file"];
+pub(super) const NAMES: [&str; 6] = ["listen", "socket", "metrics", "token_file", "drive", "drive_token_file"];
 
 impl ApiArgs {
+    /// Where clients hand in orders to drive; none without `--drive`.
+    pub(super) fn desk(&self) -> Result<Option<Arc<Desk>>, Failure> {
+        if self.drive && self.socket.is_none() && self.drive_token_file.is_none() {
+            return Err(Failure::new(
+                Kind::Usage,
+                "--drive: nobody could drive: add --socket for this user, or --listen and --drive-token-file FILE for the network",
+            ));
+        }
+        Ok(self.drive.then(Arc::default))
+    }
+
+    /// The tokens of those that read and of those that drive.
+    fn tokens(&self) -> Result<[Option<Token>; 2], Failure> {
+        let failure = |text: String| Failure::new(Kind::Config, text);
+        let read = |file: &Option<PathBuf>| {
+            file.as_deref().map(Token::read).transpose().map_err(|error| failure(error.to_string()))
+        };
+        let tokens = [read(&self.token_file)?, read(&self.drive_token_file)?];
+        if let ([Some(reads), Some(drives)], Some(path)) = (tokens, &self.drive_token_file) {
+            if reads == drives {
+                let text =
+                    format!("{}: it is the token of --token-file, too: who may read would drive", path.display());
+                return Err(failure(text));
+            }
+        }
+        Ok(tokens)
+    }
+
     /// Begins to serve, with the disk's state on the pages; none if no option asks for it.
     /// The socket is no input and no other output of the command, which `guard` knows.
-    pub(super) fn begin(&self, guard: &OutputGuard, disk: &Arc<DiskHealth>) -> Result<Option<Server>, Failure> {
+    pub(super) fn begin(
+        &self,
+        guard: &OutputGuard,
+        disk: &Arc<DiskHealth>,
+        desk: Option<&Arc<Desk>>,
+    ) -> Result<Option<Server>, Failure> {
         let options = [("--listen", self.listen), ("--metrics", self.metrics)];
         let open = options
             .iter()
@@ -47,8 +88,7 @@ impl ApiArgs {
                 ),
             ));
         }
-        let token = self.token_file.as_deref().map(Token::read).transpose();
-        let token = token.map_err(|error| Failure::new(Kind::Config, error.to_string()))?;
+        let [token, drive_token] = self.tokens()?;
         let socket = self.socket.clone().map(socket_path).transpose()?;
         socket.as_deref().map(|path| guard.check(path)).transpose()?;
         let listeners =
@@ -59,13 +99,14 @@ impl ApiArgs {
             return Ok(None);
         }
         listeners.iter().for_each(|listener| tracing::info!("api: listening at {}", listener.address()));
-        let server = Server::begin(listeners, token, Arc::clone(disk));
+        let drive = desk.map(|desk| DriveAccess { desk: Arc::clone(desk), token: drive_token });
+        let server = Server::begin(listeners, token, drive, Arc::clone(disk));
         server.map(Some).map_err(|error| Failure::new(Kind::Unavailable, format!("api: {error}")))
     }
 }
 
 /// The socket's path, or the default one.
-fn socket_path(path: Option<PathBuf>) -> Result<PathBuf, Failure> {
+pub(super) fn socket_path(path: Option<PathBuf>) -> Result<PathBuf, Failure> {
     if let Some(path) = path {
         return Ok(path);
     }

@@ -62,7 +62,20 @@ const GROUPS: &[(&str, &[&str])] = &[
     ("Output", &["out", "json", "viewer", "expose_viewer"]),
     ("Recording", &["record", "record_minutes", "record_mib", "record_keep", "record_free_mib"]),
     ("Saved map and calibration", &["resume", "localize", "save_session", "session", "save_calibration"]),
-    ("Other programs", &["listen", "socket", "metrics", "token_file", "mqtt", "mqtt_user", "mqtt_password_file"]),
+    (
+        "Other programs",
+        &[
+            "listen",
+            "socket",
+            "metrics",
+            "token_file",
+            "drive",
+            "drive_token_file",
+            "mqtt",
+            "mqtt_user",
+            "mqtt_password_file",
+        ],
+    ),
     ("Log", &["log_format", "verbose", "quiet"]),
 ];
 /// The commands with enough options for groups.

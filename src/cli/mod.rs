@@ -5,6 +5,7 @@ mod bench;
 mod calibrate;
 mod config;
 mod doctor;
+mod drive;
 mod export;
 mod failure;
 mod import;
@@ -84,6 +85,7 @@ enum Command {
     Inspect(inspect::InspectArgs),
     /// List the serial ports and the programs that hold them.
     Ports(ports::PortsArgs),
+    Drive(drive::DriveArgs),
     Setup(setup::SetupArgs),
     Doctor(doctor::DoctorArgs),
     Config(config::ConfigCommand),
@@ -166,6 +168,7 @@ impl Command {
             Self::Export(args) => args.run(),
             Self::Inspect(args) => args.run(),
             Self::Ports(args) => args.run(),
+            Self::Drive(args) => args.run(),
             Self::Setup(args) => args.run(),
             Self::Doctor(args) => args.run(),
             Self::Config(args) => args.run(),

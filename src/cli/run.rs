@@ -4,6 +4,7 @@ use super::state_args::StateArgs;
 use super::{Failure, Kind, OutputArgs, failure, outputs, terminal};
 use crate::api::Tap;
 use crate::daemon::{self, Live, Observer, Options, SessionClock, Shutdown};
+use crate::drive::{Conditions, Steering};
 use crate::port::PortName;
 use crate::priority;
 use crate::recorder::{DiskHealth, Losses, Recorder};
@@ -154,7 +155,9 @@ impl LiveArgs {
         Outputs::check(output.out(), &saves.guard)?;
         let options = Options { port, baud: self.baud, exit_on_hangup: self.exit_on_hangup };
         let health = Arc::<DiskHealth>::default();
-        let server = self.api.begin(&saves.guard, &health)?;
+        let desk = self.api.desk()?;
+        let server = self.api.begin(&saves.guard, &health, desk.as_ref())?;
+        let mut steering = desk.map(|desk| Steering::new(&config, desk));
         let mut taps: Vec<Tap> = server.iter().map(|server| server.tap(&config.robot.name)).collect();
         // Lives until the map has been written.
         #[cfg(feature = "mqtt")]
@@ -167,6 +170,8 @@ impl LiveArgs {
         let mut look = |link: &Link| {
             taps.iter_mut().for_each(|tap| tap.look(link, None));
             service.iter_mut().for_each(|service| service.look(link, None));
+            // Orders are refused, not kept for a port that comes.
+            steering.iter_mut().for_each(|steering| drop(steering.turn(Timestamp::default(), &Conditions::default())));
             observe(link, None);
         };
         // From here on there is something to end in order.
@@ -200,6 +205,7 @@ impl LiveArgs {
             recorder: &mut recorder,
             saver: &mut saver,
             checkpoints: &mut checkpoints,
+            steering,
         };
         let mut look = |link: &Link, session: Option<&Session>| {
             taps.iter_mut().for_each(|tap| tap.look(link, session));

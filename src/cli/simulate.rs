@@ -84,9 +84,13 @@ pub(super) struct SimulateArgs {
     capture: Option<PathBuf>,
     #[command(flatten)]
     force: ForceArg,
-    /// Simulate a board in real time on a pseudo-terminal of this name.
+    /// Simulate a board in real time on a pseudo-terminal of this name. The board obeys DRIVE: from the first one on the robot moves only as
+    /// the host commands.
     #[arg(long, value_name = "NAME")]
     pty: Option<PathBuf>,
+    /// The robot stands from the beginning until the host drives it.
+    #[arg(long, requires = "pty")]
+    stand: bool,
 }
 
 impl SimulateArgs {
@@ -118,6 +122,7 @@ impl SimulateArgs {
         .with_misfits(self.range_bias, self.bearing_offset.to_radians())
         .with_encoder_faults(self.encoder_fault.clone())
         .with_robot_faults(&self.robot_fault);
+        let simulation = if self.stand { simulation.driven_by_host() } else { simulation };
         match (&self.capture, &self.pty) {
             (Some(path), _) => self.write(simulation, path),
             (None, Some(name)) => pty::serve(simulation, name)

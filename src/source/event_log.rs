@@ -17,6 +17,7 @@ impl EventLog {
             Event::Ring { sensors, .. } => tracing::info!("ring of {sensors} sensors"),
             Event::BoardReset { .. } => tracing::warn!("board restarted; map and pose are kept"),
             Event::BoardTrouble { text, .. } => tracing::error!("board: {text}"),
+            Event::Motion { state, .. } => tracing::info!("motors: {}", state.word()),
             Event::BoardLog { text, .. } => tracing::info!("board says: {text}"),
             Event::Localization(event) => note_localization(event),
             Event::Model(event) if event.state == ModelState::Resolved => {

@@ -20,6 +20,8 @@ pub struct LiveSession<'a> {
     session: &'a mut Session,
     /// Frames to write; the first holds only its unwritten rest.
     outgoing: VecDeque<Bytes>,
+    /// The newest command for the motors. It overtakes the frames that wait, and an older one that waits is not sent: late commands are wrong.
+    command: Option<Bytes>,
 }
 
 /// Largest number of frames that wait for the port; further frames are discarded, because they would be late.
@@ -29,7 +31,7 @@ impl<'a> LiveSession<'a> {
     /// A session on a link whose port was just opened for the first time.
     pub fn begin(port: String, now: Timestamp, link: &'a mut Link, session: &'a mut Session) -> Self {
         link.opened(now, &port, &session.reception());
-        Self { port, link, session, outgoing: VecDeque::new() }
+        Self { port, link, session, outgoing: VecDeque::new(), command: None }
     }
 
     /// When [`LiveSession::tick`] is due, unless an input comes earlier.
@@ -64,6 +66,12 @@ impl<'a> LiveSession<'a> {
         let at = self.session.run_until(now);
         let written = self.outgoing.front_mut().map(|first| first.split_to(count.min(first.len()))).unwrap_or_default();
         self.outgoing.pop_front_if(|first| !first.has_remaining());
+        // A frame ends with a zero, and has no other: half a one is never broken by another.
+        if written.last() == Some(&slamd_protocol::DELIMITER)
+            && let Some(command) = self.command.take()
+        {
+            self.outgoing.push_front(command);
+        }
         self.session.sent(at, &written);
         self.queue();
         Chunk::Sent(at, written)
@@ -74,6 +82,15 @@ impl<'a> LiveSession<'a> {
         let at = self.session.run_until(now);
         self.link.tick(at, &self.session.reception());
         self.queue();
+    }
+
+    /// A command for the motors.
+    pub fn command(&mut self, frame: Bytes) {
+        if self.outgoing.is_empty() {
+            self.outgoing.push_back(frame);
+        } else {
+            self.command = Some(frame);
+        }
     }
 
     /// The recovery action for the port that is due now.
@@ -91,6 +108,7 @@ impl<'a> LiveSession<'a> {
         let at = self.session.run_until(now);
         self.queue();
         self.outgoing.clear();
+        self.command = None;
         self.link.closed(at, cause);
     }
 

@@ -102,7 +102,7 @@ fn fields(report: &Value) -> Vec<String> {
 
 #[test]
 fn every_field_of_every_report_is_documented_and_the_reverse() {
-    let mut served = Served::new(&["--socket", "api.sock"]);
+    let mut served = Served::new(&["--socket", "api.sock", "--drive"]);
     let address = served.address();
     assert_eq!(address, "api.sock");
     let socket = served.folder.path().join(&address);
@@ -110,7 +110,8 @@ fn every_field_of_every_report_is_documented_and_the_reverse() {
     let _board = served.plug_in(Board::broken(1, &["3:missing"]));
     let mut stream = UnixStream::connect(&socket).unwrap();
     stream.set_read_timeout(Some(Duration::from_secs(25))).unwrap();
-    writeln!(stream, "?WATCH={{\"pose_hz\":1,\"sweep_hz\":1,\"map_hz\":1,\"stats_hz\":1}};\n?NONSENSE;").unwrap();
+    writeln!(stream, "?WATCH={{\"pose_hz\":1,\"sweep_hz\":1,\"map_hz\":1,\"stats_hz\":1}};\n?NONSENSE;\n?STOP;")
+        .unwrap();
     let mut sent = BTreeMap::from([("MODEL".to_owned(), fields(&model()))]);
     for line in BufReader::new(&stream).lines() {
         let line: Value = serde_json::from_str(&line.unwrap()).unwrap();

@@ -2,6 +2,8 @@
 
 mod api;
 mod browser;
+#[cfg(feature = "mqtt")]
+mod driving;
 mod limits;
 mod log;
 #[cfg(feature = "mqtt")]

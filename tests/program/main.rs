@@ -6,6 +6,7 @@ mod closed_pipe;
 mod config_command;
 mod doctor;
 mod doctor_troubles;
+mod drive_terminal;
 mod manual;
 mod monitor;
 mod monitor_terminal;

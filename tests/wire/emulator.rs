@@ -3,6 +3,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
+mod driving;
 mod emulation;
 mod hosts;
 mod plant;

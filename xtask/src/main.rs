@@ -4,6 +4,7 @@
 //! standard error, and fails where a promise is broken.
 
 mod coverage;
+mod dead_man;
 mod fuzz;
 mod kill;
 mod localize;
@@ -15,6 +16,7 @@ mod seeds;
 mod sensor_faults;
 mod simulation;
 mod soak;
+mod strangers;
 
 use clap::{Parser, Subcommand};
 use std::process::Command;
@@ -33,6 +35,8 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Task {
     Kill(kill::Options),
+    DeadMan(dead_man::Options),
+    Strangers(strangers::Options),
     Replug(replug::Options),
     Fuzz(fuzz::Options),
     Coverage(coverage::Options),
@@ -47,8 +51,13 @@ enum Task {
 
 /// Builds the program that a task starts, in this program's own profile, without the viewer.
 fn build_slamd() {
+    build_slamd_with(&[]);
+}
+
+/// The same with these options of Cargo.
+fn build_slamd_with(options: &[&str]) {
     let mut cargo = Command::new(env!("CARGO"));
-    cargo.args(["build", "--locked", "--no-default-features", "--package", "slamd", "--bin", "slamd"]);
+    cargo.args(["build", "--locked", "--no-default-features", "--package", "slamd", "--bin", "slamd"]).args(options);
     if !cfg!(debug_assertions) {
         cargo.arg("--release");
     }
@@ -59,11 +68,16 @@ fn build_slamd() {
 
 fn main() {
     let Arguments { task, as_built } = Arguments::parse();
-    if !as_built && matches!(task, Task::Kill(_) | Task::Replug(_) | Task::Soak(_) | Task::Reliability(_)) {
-        build_slamd();
+    match &task {
+        _ if as_built => {}
+        Task::Kill(_) | Task::Replug(_) | Task::Soak(_) | Task::DeadMan(_) | Task::Reliability(_) => build_slamd(),
+        Task::Strangers(_) => build_slamd_with(&["--features", "mqtt"]),
+        _ => {}
     }
     match task {
         Task::Kill(options) => kill::run(&options),
+        Task::DeadMan(options) => dead_man::run(&options),
+        Task::Strangers(options) => strangers::run(&options),
         Task::Replug(options) => replug::run(&options),
         Task::Soak(options) => soak::run(&options),
         Task::Fuzz(options) => fuzz::run(&options),

@@ -52,6 +52,8 @@ pub struct Config {
     pub ring: RingConfig,
     /// The map.
     pub map: MapConfig,
+    /// Limits of what slamd commands to the motors.
+    pub drive: DriveConfig,
     /// Settings of the board, by their names in the protocol. The board keeps its own value for the others.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub board: BTreeMap<String, SettingValue>,
@@ -215,6 +217,34 @@ pub struct MapConfig {
 impl Default for MapConfig {
     fn default() -> Self {
         Self { cell_m: 0.05 }
+    }
+}
+
+/// Limits of what slamd commands to the motors, with `--drive`. The board has limits of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct DriveConfig {
+    /// Highest speed forward or backward, metres per second.
+    pub max_speed_m_s: f64,
+    /// Highest turn rate, radians per second.
+    pub max_turn_rad_s: f64,
+    /// Ramp of the speed, metres per second squared.
+    pub acceleration_m_s2: f64,
+    /// Ramp of the turn rate, radians per second squared.
+    pub turn_acceleration_rad_s2: f64,
+    /// So long after its last command a client remains the only one that may drive, seconds.
+    pub lease_s: f64,
+}
+
+impl Default for DriveConfig {
+    fn default() -> Self {
+        Self {
+            max_speed_m_s: 0.2,
+            max_turn_rad_s: 1.0,
+            acceleration_m_s2: 0.4,
+            turn_acceleration_rad_s2: 3.0,
+            lease_s: 3.0,
+        }
     }
 }
 

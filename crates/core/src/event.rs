@@ -6,6 +6,7 @@ use crate::time::Timestamp;
 use bytes::Bytes;
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
+use slamd_protocol::MotionState;
 use std::str::FromStr;
 
 /// One input. Times never decrease.
@@ -90,6 +91,13 @@ pub enum Event {
         at: Timestamp,
         /// The text.
         text: String,
+    },
+    /// The board's motors drive, or stand for another reason than before.
+    Motion {
+        /// When its message arrived.
+        at: Timestamp,
+        /// What they do.
+        state: MotionState,
     },
     /// The board restarted: its counters start again.
     BoardReset {

@@ -33,7 +33,7 @@ use crate::saved_state::{InvalidState, SavedState};
 use crate::sweep::Sweep;
 use crate::time::Timestamp;
 use bytes::Bytes;
-use slamd_protocol::{DELIMITER, Encoder, FrameDecoder, FrameEncoder, Hello, Message, MessageError, Sonar};
+use slamd_protocol::{DELIMITER, Encoder, FrameDecoder, FrameEncoder, Hello, Message, MessageError, Motion, Sonar};
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
 use stray_text::StrayText;
@@ -59,6 +59,8 @@ pub struct Pipeline {
     text: StrayText,
     noted: Noted,
     counters: Counters,
+    /// What the board's motors do, since it said so.
+    motion: Option<Motion>,
     events: Vec<Event>,
     outputs: VecDeque<Output>,
 }
@@ -108,6 +110,7 @@ impl Pipeline {
             text: StrayText::new(),
             noted: Noted::default(),
             counters: Counters::default(),
+            motion: None,
             events: Vec::new(),
             outputs: VecDeque::new(),
         };
@@ -182,6 +185,12 @@ impl Pipeline {
     #[must_use]
     pub fn ring(&self) -> Option<&Ring> {
         self.aligner.ring()
+    }
+
+    /// What the board's motors do, by its last MOTION; none before there was one.
+    #[must_use]
+    pub const fn motion(&self) -> Option<&Motion> {
+        self.motion.as_ref()
     }
 
     /// The last sweep, once the ring is known.
@@ -334,7 +343,7 @@ impl Pipeline {
     fn restart(&mut self, at: Timestamp) {
         self.aligner.restart();
         self.conversation.restarted(at);
-        self.last_seq = None;
+        (self.last_seq, self.motion) = (None, None);
         self.counters.restarts += 1;
         self.events.push(Event::BoardReset { at });
     }

@@ -53,6 +53,7 @@ impl SessionState {
             | Event::Ring { .. }
             | Event::Revised { .. }
             | Event::BoardLog { .. }
+            | Event::Motion { .. }
             | Event::BoardReset { .. }
             | Event::BoardTrouble { .. } => {}
         }

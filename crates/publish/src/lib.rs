@@ -172,6 +172,7 @@ impl Outputs {
             Event::Board { .. }
             | Event::Ring { .. }
             | Event::BoardLog { .. }
+            | Event::Motion { .. }
             | Event::BoardReset { .. }
             | Event::BoardTrouble { .. } => {}
         }

@@ -1,17 +1,21 @@
 //! The simulated board: fires the ring group by group, latches the encoders, answers the host.
 
 use super::fault::Reading;
+use super::motors::{MotorLimits, Motors};
 use super::random::Random;
 use super::robot::TICKS_PER_TURN;
 use slamd_core::{Ring, Timestamp};
 use slamd_protocol::{
-    AckResult, Echo, Encoder, FrameBuf, FrameDecoder, FrameEncoder, Geometry, Hello, Message, Placement, SensorEcho,
-    Setting, Sonar, Status, Text, VERSION_MAJOR, VERSION_MINOR,
+    AckResult, Echo, Encoder, FrameBuf, FrameDecoder, FrameEncoder, Geometry, Hello, Message, MessageError, Motion,
+    Placement, SensorEcho, Setting, Sonar, Status, Text, VERSION_MAJOR, VERSION_MINOR, WheelSpeeds, kind,
 };
 use std::time::Duration;
 
 /// True temperature of the air, degrees Celsius.
 const AIR_C: f64 = 21.5;
+
+/// Highest speed of a wheel, millimetres per second: the simulated robot has motors.
+const TOP_SPEED_MM_S: i32 = 600;
 
 /// Microseconds from one group's trigger to the next. An echo from 3 m takes 17.5 ms.
 pub const SLOT_US: u64 = 25_000;
@@ -30,6 +34,7 @@ pub struct Board {
     /// True once the host has sent a valid frame since the board's start.
     is_greeted: bool,
     settings: [i32; Setting::ALL.len()],
+    motors: Motors,
     /// Encoder counts at the start of the board.
     ticks_at_boot: [i32; 2],
     random: Random,
@@ -50,6 +55,7 @@ impl Board {
             is_streaming: false,
             is_greeted: false,
             settings: settings(&ring),
+            motors: Motors::new(ring.len()),
             ticks_at_boot: [0; 2],
             ring,
             random,
@@ -64,6 +70,7 @@ impl Board {
         self.boot_us = (self.random.bits() & 0xFFFF_FFFF).wrapping_sub((at.us() as f64 * self.rate) as u64);
         self.ticks_at_boot = ticks;
         (self.is_streaming, self.is_greeted) = (false, false);
+        self.motors = Motors::new(self.ring.len());
         (self.decoder, self.encoder, self.frames) = (FrameDecoder::new(), FrameEncoder::default(), 0);
         self.hello()
     }
@@ -105,9 +112,22 @@ impl Board {
         for &byte in bytes {
             let Some(frame) = self.decoder.push(byte) else { continue };
             let (of_type, of_seq) = (frame.kind, frame.seq);
-            let Ok(message) = Message::parse(frame.kind, frame.payload) else { continue };
+            let message = match Message::parse(frame.kind, frame.payload) {
+                Ok(message) => message,
+                Err(MessageError::Value { .. }) if of_type == kind::DRIVE => {
+                    answers.push(self.frame(&Message::Ack { of_type, of_seq, result: AckResult::Refused }));
+                    continue;
+                }
+                Err(_) => continue,
+            };
             self.is_greeted = true;
+            self.motors.heard(at);
             let result = match message {
+                Message::Drive(drive) if self.is_streaming => {
+                    self.motors.drive(at, &drive);
+                    continue;
+                }
+                Message::Drive(_) => AckResult::Busy,
                 Message::HelloRequest { .. } => {
                     answers.push(self.hello());
                     continue;
@@ -134,6 +154,9 @@ impl Board {
                 }
                 Message::Start | Message::Stop => {
                     self.is_streaming = message == Message::Start;
+                    if !self.is_streaming {
+                        self.motors.stop();
+                    }
                     AckResult::Done
                 }
                 _ => continue,
@@ -147,14 +170,50 @@ impl Board {
         self.settings[usize::from(setting.key()) - 1]
     }
 
-    /// Accepts changes of the wheels' wiring only: the ring is fixed.
+    /// The motors.
+    #[must_use]
+    pub fn motors(&self) -> &Motors {
+        &self.motors
+    }
+
+    /// One step of the motors' control. MOTION if their state has changed.
+    pub fn control(&mut self, at: Timestamp, measured_m_s: [f64; 2]) -> Option<FrameBuf> {
+        let limits = self.motor_limits();
+        self.motors.step(at, &self.ring, limits).then(|| self.motion(at, measured_m_s))
+    }
+
+    /// MOTION: what the motors do, with the speeds that the encoders measure.
+    #[expect(clippy::cast_possible_truncation, reason = "millimetres per second of a robot")]
+    pub fn motion(&mut self, at: Timestamp, measured_m_s: [f64; 2]) -> FrameBuf {
+        let mm_s = |m_s: f64| (1e3 * m_s).round() as i16;
+        let [left, right] = self.motors.commanded_m_s().map(mm_s);
+        let [left_mm_s, right_mm_s] = measured_m_s.map(mm_s);
+        let commanded = WheelSpeeds::new(left, right).unwrap_or_default();
+        let state = self.motors.state();
+        self.frame(&Message::Motion(Motion { t_us: self.clock_us(at), state, commanded, left_mm_s, right_mm_s }))
+    }
+
+    fn motor_limits(&self) -> MotorLimits {
+        let metres = |setting| 1e-3 * f64::from(self.setting(setting));
+        MotorLimits {
+            top_speed_m_s: metres(Setting::TopSpeedMmS),
+            acceleration_m_s2: metres(Setting::AccelerationMmS2),
+            stop_distance_m: metres(Setting::StopDistanceMm),
+        }
+    }
+
+    /// Accepts changes of the wheels and the motors only: the ring is fixed.
     fn set(&mut self, setting: Setting, value: i32) -> AckResult {
         if value == self.setting(setting) {
             return AckResult::Done;
         }
         let is_wheels = matches!(setting, Setting::LeftReversed | Setting::RightReversed | Setting::WheelsSwapped);
-        if !is_wheels || !setting.range().contains(&value) {
+        let is_motors = setting.key() >= Setting::TopSpeedMmS.key();
+        if !(is_wheels || is_motors) || !setting.range().contains(&value) {
             return AckResult::Refused;
+        }
+        if is_motors && self.is_streaming {
+            return AckResult::Busy;
         }
         self.settings[usize::from(setting.key()) - 1] = value;
         AckResult::Done
@@ -178,7 +237,7 @@ impl Board {
             tick_hz: 1_000_000,
             sensors: u8::try_from(self.ring.len()).unwrap_or(u8::MAX),
             ticks_per_turn: TICKS_PER_TURN,
-            capabilities: 0,
+            capabilities: Hello::CAPABILITY_DRIVES,
             config_crc: 0,
             uid: *b"slamdsim",
             board: Text::new("simulator"),
@@ -195,6 +254,7 @@ impl Board {
         ticks: [i32; 2],
         readings: &[(u8, Reading)],
     ) -> FrameBuf {
+        readings.iter().for_each(|&(sensor, reading)| self.motors.see(sensor, reading));
         let echoes = readings.iter().filter_map(|&(sensor, reading)| {
             let echo = match reading {
                 Reading::Range(range_m) => flight(range_m),
@@ -275,6 +335,7 @@ fn settings(ring: &Ring) -> [i32; Setting::ALL.len()] {
     set(Setting::Sensors, i32::try_from(ring.len()).unwrap_or(0));
     set(Setting::Groups, i32::from(groups) + 1);
     set(Setting::TicksPerTurn, i32::try_from(TICKS_PER_TURN).unwrap_or(0));
+    set(Setting::TopSpeedMmS, TOP_SPEED_MM_S);
     if let Some(first) = ring.mountings.first() {
         let pose = first.robot_from_sensor;
         set(Setting::RingRadiusMm, (pose.position().coords.norm() * 1e3).round() as i32);

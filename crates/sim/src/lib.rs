@@ -13,6 +13,7 @@ pub mod floor_plan;
 pub mod home;
 pub mod link;
 pub mod misfit;
+pub mod motors;
 pub mod random;
 pub mod robot;
 pub mod robot_fault;

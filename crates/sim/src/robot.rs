@@ -3,6 +3,7 @@
 
 use super::home::Grip;
 use super::random::Random;
+use super::world::World;
 use slamd_core::Pose2;
 use std::f64::consts::TAU;
 
@@ -38,6 +39,35 @@ pub struct Twist {
     /// Turn rate counter-clockwise, radians per second.
     pub turn_rad_s: f64,
 }
+
+/// What a motor is told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum WheelDrive {
+    /// The voltage that turns a free wheel at this speed, metres per second.
+    Speed(f64),
+    /// Nothing: it coasts.
+    Coast,
+    /// It is short-circuited.
+    Brake,
+}
+
+impl WheelDrive {
+    /// The speed that a wheel tends to, metres per second, and the time constant, seconds.
+    const fn tends_to(self) -> (f64, f64) {
+        match self {
+            Self::Speed(m_s) => (m_s, MOTOR_LAG_S),
+            Self::Coast => (0.0, COAST_LAG_S),
+            Self::Brake => (0.0, BRAKE_LAG_S),
+        }
+    }
+}
+
+/// Inertia of robot and motors: time constants of a wheel that is driven, that coasts and that is short-circuited, seconds.
+const MOTOR_LAG_S: f64 = 0.06;
+const COAST_LAG_S: f64 = 0.3;
+const BRAKE_LAG_S: f64 = 0.02;
+/// Friction stops a wheel that is slower than this, metres per second.
+const STICTION_M_S: f64 = 0.002;
 
 /// The true robot.
 #[derive(Clone, Debug)]
@@ -123,15 +153,47 @@ impl Robot {
 
     /// The same on a floor with this grip.
     pub fn step_on(&mut self, command: Twist, grip: Grip) {
+        let follow = |now: f64, wanted: f64, max: f64| now + (wanted - now).clamp(-max * STEP_S, max * STEP_S);
+        self.twist.forward_m_s = follow(self.twist.forward_m_s, command.forward_m_s, ACCELERATION);
+        self.twist.turn_rad_s = follow(self.twist.turn_rad_s, command.turn_rad_s, TURN_ACCELERATION);
+        self.roll(self.speeds_m_s(), grip);
+    }
+
+    /// Ends the current step and begins the next, in which motors drive the wheels.
+    pub fn step_driven(&mut self, drives: [WheelDrive; 2], grip: Grip) {
+        let mut speeds = self.speeds_m_s();
+        for (speed, drive) in speeds.iter_mut().zip(drives) {
+            let (target, lag_s) = drive.tends_to();
+            *speed += (target - *speed) * (1.0 - libm::exp(-STEP_S / lag_s));
+            if target == 0.0 && speed.abs() < STICTION_M_S {
+                *speed = 0.0;
+            }
+        }
+        let [left, right] = speeds;
+        self.twist = Twist { forward_m_s: 0.5 * (left + right), turn_rad_s: (right - left) / self.known_base_m };
+        self.roll(speeds, grip);
+    }
+
+    /// The wheels' speeds by the drawing, left and right, metres per second.
+    #[must_use]
+    pub fn speeds_m_s(&self) -> [f64; 2] {
+        let half = 0.5 * self.known_base_m * self.twist.turn_rad_s;
+        [self.twist.forward_m_s - half, self.twist.forward_m_s + half]
+    }
+
+    /// True if the body would press against a surface in the next step: then the wheels slip.
+    #[must_use]
+    pub fn presses(&self, world: &World) -> bool {
+        let here = self.pose(1.0);
+        let there_m = world.clearance(here.ahead(self.twist.forward_m_s * STEP_S));
+        there_m < BODY_RADIUS_M && there_m < world.clearance(here.position())
+    }
+
+    fn roll(&mut self, speeds: [f64; 2], grip: Grip) {
         self.world_from_robot = self.pose(1.0);
         for (turned, turn) in self.turned_rad.iter_mut().zip(self.step.turns_rad) {
             *turned += turn;
         }
-        let follow = |now: f64, wanted: f64, max: f64| now + (wanted - now).clamp(-max * STEP_S, max * STEP_S);
-        self.twist.forward_m_s = follow(self.twist.forward_m_s, command.forward_m_s, ACCELERATION);
-        self.twist.turn_rad_s = follow(self.twist.turn_rad_s, command.turn_rad_s, TURN_ACCELERATION);
-        let half = 0.5 * self.known_base_m * self.twist.turn_rad_s;
-        let speeds = [self.twist.forward_m_s - half, self.twist.forward_m_s + half];
         self.step.turns_rad = speeds.map(|speed| speed * STEP_S / self.known_radius_m);
         for wheel in 0..2 {
             let way_m = self.step.turns_rad[wheel] * self.radius_m[wheel];

@@ -1,5 +1,7 @@
 //! The simulated session: world, robot, beams, faults, board and line, stepped together.
 
+mod driven;
+
 use super::board::{Board, SLOT_US};
 use super::encoder::{EncoderFault, Encoders};
 use super::explore::Explorer;
@@ -48,8 +50,9 @@ pub struct SimConfig {
 const RING_RADIUS_M: f64 = 0.15;
 /// Groups of the ring: four slots make 10 sweeps a second.
 const GROUPS: u8 = 4;
-/// Periods of the encoder and of the status messages, microseconds.
+/// Periods of the encoder, the motion and the status messages, microseconds.
 const ENCODER_US: u64 = 20_000;
+const MOTION_US: u64 = 100_000;
 const STATUS_US: u64 = 1_000_000;
 /// End of the board's boot, and the period of its Hello until the host answers.
 const BOOT: Timestamp = Timestamp::from_us(100_000);
@@ -80,6 +83,8 @@ pub struct Simulation {
     board: Board,
     link: Link,
     command: Twist,
+    /// The robot moves only as the host commands, from the first DRIVE on or from the beginning.
+    is_host_driven: bool,
     now_us: u64,
     streaming_since_us: Option<u64>,
     ready: Option<(u64, slamd_protocol::FrameBuf)>,
@@ -118,6 +123,7 @@ impl Simulation {
             board: Board::new(ring, config.clock_drift_ppm, random(Stream::Board)),
             link: Link::new(config.link, random(Stream::Link)),
             command: Twist::default(),
+            is_host_driven: false,
             now_us: 0,
             streaming_since_us: None,
             ready: None,
@@ -225,7 +231,7 @@ impl Simulation {
         }
         if self.board.is_streaming() {
             let since_us = at.us() - *self.streaming_since_us.get_or_insert_with(|| at.us());
-            if since_us.is_multiple_of(COMMAND_US) {
+            if since_us.is_multiple_of(COMMAND_US) && !self.is_host_driven {
                 self.command = self.explorer.command(&self.world, self.robot.pose(0.0), at.seconds());
             }
             if since_us.is_multiple_of(SLOT_US) {
@@ -236,6 +242,10 @@ impl Simulation {
                 let frame = self.board.encoders(at, ticks);
                 self.link.send(at, &frame);
             }
+            if since_us.is_multiple_of(MOTION_US) && self.board.motors().are_known() {
+                let frame = self.board.motion(at, self.robot.speeds_m_s());
+                self.link.send(at, &frame);
+            }
             if since_us.is_multiple_of(STATUS_US) {
                 let frame = self.board.status(at);
                 self.link.send(at, &frame);
@@ -243,7 +253,7 @@ impl Simulation {
         }
         let grip = self.live(at);
         self.handle(at);
-        self.robot.step_on(self.command, grip);
+        self.drive(at, grip);
         self.now_us += STEP_US;
     }
 

@@ -15,6 +15,8 @@ pub mod promises;
 pub mod python;
 
 #[cfg(feature = "daemon")]
+pub mod driving;
+#[cfg(feature = "daemon")]
 pub mod faulty_disk;
 #[cfg(feature = "daemon")]
 pub mod fuzzing;

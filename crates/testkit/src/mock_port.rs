@@ -47,6 +47,11 @@ impl Board {
         Self::Robot(Box::new(simulation(seed, LinkFaults::default(), LONG_S)))
     }
 
+    /// A robot in the flat that stands until the host drives it.
+    pub fn standing(seed: u64) -> Self {
+        Self::Robot(Box::new(simulation(seed, LinkFaults::default(), LONG_S).driven_by_host()))
+    }
+
     /// The same with broken sensors, as `slamd simulate --fault` takes them.
     pub fn broken(seed: u64, faults: &[&str]) -> Self {
         let faults = faults.iter().map(|fault| fault.parse().expect("a fault")).collect();
@@ -155,6 +160,28 @@ impl Device {
         bytes
     }
 
+    /// The faster wheel's speed now, metres per second; 0 for a device without wheels.
+    pub fn wheel_speed_m_s(&self) -> f64 {
+        match &self.board {
+            Board::Robot(simulation) | Board::Restarting(simulation, _) => {
+                simulation.wheel_speeds_m_s().iter().fold(0.0, |fastest, speed| speed.abs().max(fastest))
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// Runs on without a host for `span`; how long the wheels went on turning.
+    pub fn runs_out(&mut self, span: Duration) -> Duration {
+        let (begin, mut turned) = (self.ran, Duration::ZERO);
+        while self.ran < begin + span {
+            self.speak(self.ran + Duration::from_millis(5));
+            if self.wheel_speed_m_s() > 0.0 {
+                turned = self.ran - begin;
+            }
+        }
+        turned
+    }
+
     /// Passes bytes to the board and returns its immediate answer.
     fn hear(&mut self, bytes: &[u8]) -> Vec<u8> {
         match &mut self.board {
@@ -244,12 +271,18 @@ struct Shared {
     end: AtomicBool,
     stalled: AtomicBool,
     lost_bytes: AtomicU64,
+    /// When a wheel last turned and the longest time between two looks at the line, microseconds since the device was plugged in.
+    turned_us: AtomicU64,
+    late_us: AtomicU64,
+    /// The highest speed of a wheel so far, micrometres per second.
+    peak_um_s: AtomicU64,
 }
 
 /// A device plugged in under a name.
 pub struct Plugged {
     name: PathBuf,
     shared: Arc<Shared>,
+    begin: Instant,
     thread: Option<JoinHandle<Device>>,
 }
 
@@ -260,14 +293,15 @@ impl Plugged {
     }
 
     /// The same at a terminal opened before.
+    #[expect(clippy::disallowed_methods, reason = "a board in real time is a clock")]
     pub fn at(terminal: Terminal, name: &Path, device: Device) -> Self {
         std::os::unix::fs::symlink(&terminal.path, name).expect("a free name");
-        let shared = Arc::new(Shared::default());
+        let (shared, begin) = (Arc::new(Shared::default()), Instant::now());
         let thread = {
             let shared = Arc::clone(&shared);
-            std::thread::spawn(move || play(terminal, device, &shared))
+            std::thread::spawn(move || play(terminal, device, &shared, begin))
         };
-        Self { name: name.into(), shared, thread: Some(thread) }
+        Self { name: name.into(), shared, begin, thread: Some(thread) }
     }
 
     /// Pulls the cable; the device keeps running without a host.
@@ -285,6 +319,22 @@ impl Plugged {
         self.shared.lost_bytes.load(Ordering::Relaxed)
     }
 
+    /// How long after `moment` a wheel last turned, by the device's clock.
+    pub fn turned_after(&self, moment: Instant) -> Duration {
+        let turned = Duration::from_micros(self.shared.turned_us.load(Ordering::Relaxed));
+        (self.begin + turned).saturating_duration_since(moment)
+    }
+
+    /// The longest time between two looks at the line so far: the machine was busy.
+    pub fn late(&self) -> Duration {
+        Duration::from_micros(self.shared.late_us.load(Ordering::Relaxed))
+    }
+
+    /// The highest speed of a wheel so far, metres per second.
+    pub fn peak_m_s(&self) -> f64 {
+        1e-6 * self.shared.peak_um_s.load(Ordering::Relaxed) as f64
+    }
+
     fn pull(&mut self) -> Option<Device> {
         let _ = std::fs::remove_file(&self.name);
         self.shared.end.store(true, Ordering::Relaxed);
@@ -298,11 +348,24 @@ impl Drop for Plugged {
     }
 }
 
+/// Notes how the wheels turn.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "microseconds, and micrometres per second")]
+fn note(shared: &Shared, device: &Device, now: Duration, before: Duration) {
+    let (speed_m_s, us) = (device.wheel_speed_m_s(), now.as_micros() as u64);
+    if speed_m_s > 0.0 {
+        shared.turned_us.store(us, Ordering::Relaxed);
+    }
+    shared.peak_um_s.fetch_max((1e6 * speed_m_s) as u64, Ordering::Relaxed);
+    shared.late_us.fetch_max((now - before).as_micros() as u64, Ordering::Relaxed);
+}
+
 #[expect(clippy::disallowed_methods, reason = "a board in real time is a clock")]
-fn play(mut terminal: Terminal, mut device: Device, shared: &Shared) -> Device {
-    let (begin, ran) = (Instant::now(), device.ran);
+fn play(mut terminal: Terminal, mut device: Device, shared: &Shared, begin: Instant) -> Device {
+    let (ran, mut looked) = (device.ran, begin.elapsed());
     while !shared.end.load(Ordering::Relaxed) {
-        let mut spoken = device.speak(ran + begin.elapsed());
+        let now = begin.elapsed();
+        let mut spoken = device.speak(ran + now);
+        note(shared, &device, now, std::mem::replace(&mut looked, now));
         let mut heard = terminal.read();
         if heard.is_empty() {
             std::thread::sleep(Duration::from_millis(1));

@@ -9,6 +9,7 @@
 #include <avr/interrupt.h>
 #include <avr/io.h>
 #include <avr/sleep.h>
+#include <avr/wdt.h>
 #include <util/atomic.h>
 #include <util/delay.h>
 
@@ -16,6 +17,7 @@
 #define BYTE_US 85 /* ten bits at 117647 baud, the nearest rate to 115200 that the crystal allows */
 
 const char slamd_port_board[] = "mega2560";
+const bool slamd_port_has_motors = true;
 
 static volatile uint32_t sampled_us;
 
@@ -88,10 +90,62 @@ ISR(USART0_UDRE_vect) {
     sending_out = (sending_out + 1) & 1023;
 }
 
+/* Port H: enable of the left and the right bridge (D6, D7: PWM of timer 4) and their inputs, left D8, D9, right D16, D17.
+ * Both inputs low and the bridge enabled: the motor is short-circuited. */
+#define ENABLES (_BV(PH3) | _BV(PH4))
+#define INPUTS (_BV(PH5) | _BV(PH6) | _BV(PH1) | _BV(PH0))
+
+static void brake(void) {
+    TCCR4A = _BV(WGM40); /* off the pins, which are high then */
+    PORTH = (uint8_t)((PORTH & ~INPUTS) | ENABLES);
+}
+
+/* The control has not come for 120 ms. */
+ISR(WDT_vect) {
+    brake();
+}
+
+static void begin_motors(void) {
+    brake();
+    DDRH |= ENABLES | INPUTS;
+    TCCR4B = _BV(WGM42) | _BV(CS41) | _BV(CS40); /* 8 bit, 977 Hz */
+    wdt_reset();
+    WDTCSR = _BV(WDCE) | _BV(WDE);
+    WDTCSR = _BV(WDIE) | _BV(WDP1) | _BV(WDP0);
+}
+
+/* With interrupts disabled, because no half of a command may reach the bridges. */
+void slamd_port_motors(const int16_t duty[2]) {
+    static bool begun;
+    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
+        uint8_t inputs = 0, pwm = _BV(WGM40);
+        if (!begun) begin_motors();
+        begun = true;
+        wdt_reset();
+        if (duty[0]) {
+            inputs |= duty[0] > 0 ? _BV(PH5) : _BV(PH6);
+            pwm |= _BV(COM4A1);
+        }
+        if (duty[1]) {
+            inputs |= duty[1] > 0 ? _BV(PH1) : _BV(PH0);
+            pwm |= _BV(COM4B1);
+        }
+        OCR4A = (uint8_t)(duty[0] > 0 ? duty[0] : -duty[0]);
+        OCR4B = (uint8_t)(duty[1] > 0 ? duty[1] : -duty[1]);
+        TCCR4A = pwm;
+        PORTH = (uint8_t)((PORTH & ~INPUTS) | inputs);
+    }
+}
+
+bool slamd_port_emergency(void) {
+    return PINB & _BV(PB4);
+}
+
 void slamd_port_begin(void) {
     DDRF = 0xFF;
     DDRB |= _BV(PB7);
     PORTD |= 0x0F; /* pull-ups: many encoders have open-collector outputs */
+    PORTB |= _BV(PB4); /* the emergency pin's: open is high */
     PORTF = 0;
     last_d = PIND;
     TCCR1A = 0;

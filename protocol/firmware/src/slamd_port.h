@@ -27,9 +27,15 @@ bool slamd_port_receive(uint8_t *byte, uint32_t *t_us); /* t_us: arrival; needed
 bool slamd_port_send(const uint8_t *bytes, uint16_t len); /* all, or none if they do not fit */
 uint32_t slamd_port_send_delay_us(void);            /* until a byte queued now leaves */
 
+/* The motors' voltages, left first: -255 to 255 of the full one, 0 brakes. If it is not called for 120 ms, the port
+ * brakes; before the first call, and in a reset, the motors are braked. */
+void slamd_port_motors(const int16_t duty[2]);
+bool slamd_port_emergency(void);                    /* the emergency pin is open */
+extern const bool slamd_port_has_motors;            /* the two functions above do something */
+
 void slamd_port_rest(void); /* sleeps at most 0.2 ms; nothing in the ring is more urgent */
 
-uint8_t slamd_port_load(uint8_t at);             /* 64 non-volatile bytes, 0xFF when new */
+uint8_t slamd_port_load(uint8_t at);             /* 96 non-volatile bytes, 0xFF when new */
 /* Starts to write a changed byte; returns false while the last write is in progress. */
 bool slamd_port_store(uint8_t at, uint8_t byte);
 extern const char slamd_port_board[];            /* at most 16 bytes */

@@ -20,7 +20,7 @@
 #endif
 
 #define SLAMD_VERSION_MAJOR 1
-#define SLAMD_VERSION_MINOR 0
+#define SLAMD_VERSION_MINOR 1
 #define SLAMD_MAX_PAYLOAD 244
 #define SLAMD_MAX_CONTENT (SLAMD_MAX_PAYLOAD + 6)
 #define SLAMD_MAX_FRAME (SLAMD_MAX_CONTENT + 2)
@@ -30,9 +30,10 @@
 
 enum slamd_kind {
     SLAMD_HELLO = 0x01, SLAMD_GEOMETRY = 0x02, SLAMD_SONAR = 0x10, SLAMD_ENCODER = 0x11, SLAMD_STATUS = 0x12,
-    SLAMD_FAULT = 0x13, SLAMD_TIME_RESPONSE = 0x20, SLAMD_ACK = 0x30, SLAMD_CONFIG_VALUE = 0x31, SLAMD_LOG = 0x3F,
+    SLAMD_FAULT = 0x13, SLAMD_MOTION = 0x14, SLAMD_TIME_RESPONSE = 0x20, SLAMD_ACK = 0x30, SLAMD_CONFIG_VALUE = 0x31, SLAMD_LOG = 0x3F,
     SLAMD_HELLO_REQUEST = 0x81, SLAMD_START = 0x82, SLAMD_STOP = 0x83, SLAMD_CONFIG_SET = 0x84,
-    SLAMD_CONFIG_GET = 0x85, SLAMD_GEOMETRY_REQUEST = 0x86, SLAMD_TIME_REQUEST = 0x90, SLAMD_HEARTBEAT = 0x91
+    SLAMD_CONFIG_GET = 0x85, SLAMD_GEOMETRY_REQUEST = 0x86, SLAMD_DRIVE = 0x87, SLAMD_TIME_REQUEST = 0x90,
+    SLAMD_HEARTBEAT = 0x91
 };
 
 /* Codes that replace a time of flight. */
@@ -46,7 +47,16 @@ enum slamd_kind {
 #define SLAMD_LAST_OF_CYCLE 1
 #define SLAMD_UNKNOWN_TEMPERATURE 0x7FFF
 
+/* DRIVE and MOTION: HELLO's capability bit, and the limits of a command. */
+#define SLAMD_CAPABILITY_DRIVES 1
+#define SLAMD_MAX_SPEED_MM_S 2000
+#define SLAMD_MIN_VALID_MS 50
+#define SLAMD_MAX_VALID_MS 1000
+
 enum slamd_fault { SLAMD_FAULT_CLEARED, SLAMD_FAULT_PIN_STUCK, SLAMD_FAULT_HIGH_AT_TRIGGER, SLAMD_FAULT_NEVER_ANSWERS };
+enum slamd_motion {
+    SLAMD_IDLE, SLAMD_DRIVING, SLAMD_TIME_OUT, SLAMD_OBSTACLE, SLAMD_STALL, SLAMD_EMERGENCY_PIN, SLAMD_NO_MOTORS
+};
 enum slamd_result { SLAMD_DONE, SLAMD_UNKNOWN, SLAMD_REFUSED, SLAMD_BUSY };
 
 /* X(name, key, minimum, maximum, default) */
@@ -62,12 +72,21 @@ enum slamd_result { SLAMD_DONE, SLAMD_UNKNOWN, SLAMD_REFUSED, SLAMD_BUSY };
     X(RING_RADIUS_MM, 9, 0, 2000, 150)           \
     X(HALF_ANGLE_CDEG, 10, 0, 6000, 1250)        \
     X(CLOCKWISE, 11, 0, 1, 0)                    \
-    X(MAX_RANGE_MM, 12, 100, 6000, 3000)
+    X(MAX_RANGE_MM, 12, 100, 6000, 3000)         \
+    X(TOP_SPEED_MM_S, 13, 0, SLAMD_MAX_SPEED_MM_S, 0) \
+    X(ACCELERATION_MM_S2, 14, 50, 5000, 500)     \
+    X(STOP_DISTANCE_MM, 15, 0, 2000, 250)        \
+    X(WHEEL_RADIUS_UM, 16, 5000, 500000, 35000)  \
+    X(GAIN_FORWARD, 17, 0, 1000, 100)            \
+    X(GAIN_PROPORTIONAL, 18, 0, 1000, 100)       \
+    X(GAIN_INTEGRAL, 19, 0, 2000, 300)           \
+    X(LEFT_MOTOR_REVERSED, 20, 0, 1, 0)          \
+    X(RIGHT_MOTOR_REVERSED, 21, 0, 1, 0)
 
 #define SLAMD_SETTING_KEY_(name, key, least, most, value) SLAMD_##name = key,
 enum slamd_setting { SLAMD_SETTINGS(SLAMD_SETTING_KEY_) SLAMD_SETTING_END_ };
 #undef SLAMD_SETTING_KEY_
-#define SLAMD_SETTING_COUNT 12
+#define SLAMD_SETTING_COUNT 21
 
 /* CRC-32/ISO-HDLC, a nibble at a time, so the table has only 64 bytes. Start with 0; continue with
  * the last result. */
@@ -215,6 +234,17 @@ static inline void slamd_put_fault(struct slamd_writer *w, uint8_t seq, uint32_t
     slamd_u8(w, sensor);
     slamd_u8(w, code);
 }
+/* Speeds in mm/s, left wheel first. */
+static inline void slamd_put_motion(struct slamd_writer *w, uint8_t seq, uint32_t t_us, uint8_t state,
+                                    const int16_t commanded[2], const int16_t measured[2]) {
+    slamd_begin(w, SLAMD_MOTION, seq);
+    slamd_u32(w, t_us);
+    slamd_u8(w, state);
+    slamd_u16(w, (uint16_t)commanded[0]);
+    slamd_u16(w, (uint16_t)commanded[1]);
+    slamd_u16(w, (uint16_t)measured[0]);
+    slamd_u16(w, (uint16_t)measured[1]);
+}
 static inline void slamd_put_time_response(struct slamd_writer *w, uint8_t seq, uint16_t token, uint32_t rx_us,
                                            uint32_t tx_us) {
     slamd_begin(w, SLAMD_TIME_RESPONSE, seq);
@@ -294,9 +324,12 @@ struct slamd_request {
     uint8_t key;          /* CONFIG_SET, CONFIG_GET */
     int32_t value;        /* CONFIG_SET */
     uint16_t token;       /* TIME_REQUEST */
+    int16_t mm_s[2];      /* DRIVE: left, right */
+    uint16_t valid_ms;    /* DRIVE */
+    uint8_t source;       /* DRIVE: for the record alone */
 };
 
-/* Parses the frame that slamd_push completed; returns false if it is not a message of a host.
+/* Parses the frame that slamd_push completed; returns false if it is not a valid message of a host.
  * Longer payloads come from a newer minor version and are accepted. */
 static inline bool slamd_parse(const struct slamd_decoder *d, struct slamd_request *r) {
     const uint8_t *p = d->content + 2;
@@ -325,6 +358,15 @@ static inline bool slamd_parse(const struct slamd_decoder *d, struct slamd_reque
         if (len < 2) return false;
         r->token = (uint16_t)(p[0] | (uint16_t)p[1] << 8);
         return true;
+    case SLAMD_DRIVE:
+        if (len < 7) return false;
+        for (uint8_t i = 0; i < 2; i++) {
+            r->mm_s[i] = (int16_t)(p[2 * i] | (uint16_t)p[2 * i + 1] << 8);
+            if (r->mm_s[i] < -SLAMD_MAX_SPEED_MM_S || r->mm_s[i] > SLAMD_MAX_SPEED_MM_S) return false;
+        }
+        r->valid_ms = (uint16_t)(p[4] | (uint16_t)p[5] << 8);
+        r->source = p[6];
+        return r->valid_ms >= SLAMD_MIN_VALID_MS && r->valid_ms <= SLAMD_MAX_VALID_MS;
     default:
         return false;
     }

@@ -1,5 +1,6 @@
 /* The board's behaviour, without hardware access. SPDX-License-Identifier: MIT OR Apache-2.0 */
 #include "slamd_ring.h"
+#include "slamd_motors.h"
 #include "slamd_port.h"
 #include "slamd_protocol.h"
 #include <math.h>
@@ -7,12 +8,14 @@
 #define SENSORS_MAX 32 /* the pins of a Mega */
 #define TRIGGER_LINES 8
 #define HELLO_US 100000UL /* between two HELLO messages until the host answers */
+#define MOTION_US 100000UL /* between two MOTION messages */
 #define MUTE_CYCLES 8 /* unanswered pings in a row before a sensor is reported */
 
 /* Non-volatile: the boot counter, the settings, their checksum. */
 #define BOOT_AT 0
 #define SETTINGS_AT 4
 #define SETTINGS_LEN (4 * SLAMD_SETTING_COUNT)
+#define SETTINGS_LEN_1_0 (4 * 12)
 #define STORE_LEN (SETTINGS_AT + SETTINGS_LEN + 4)
 
 static const struct {
@@ -30,7 +33,7 @@ static int32_t settings[SLAMD_SETTING_COUNT];
 static uint32_t frames, overruns, boot_id;
 static uint8_t seq;
 static bool streaming, greeted;
-static uint32_t status_us, encoder_us, hello_us;
+static uint32_t status_us, encoder_us, hello_us, motion_us;
 
 static bool pinging;
 static uint8_t group;
@@ -42,6 +45,10 @@ static uint8_t faults[SENSORS_MAX], mute[SENSORS_MAX];
 
 static int32_t setting(uint8_t key) {
     return settings[key - 1];
+}
+
+int32_t slamd_setting(uint8_t key) {
+    return setting(key);
 }
 
 static void put32(uint8_t *at, uint32_t v) {
@@ -82,12 +89,16 @@ static void settings_to_store(void) {
 }
 
 static void load(void) {
-    bool good;
+    uint8_t known = 0; /* settings with a good checksum: all, those of a firmware for 1.0, or none */
     for (uint8_t i = 0; i < STORE_LEN; i++) store[i] = slamd_port_load(i);
-    good = get32(store + SETTINGS_AT + SETTINGS_LEN) == settings_crc();
+    if (get32(store + SETTINGS_AT + SETTINGS_LEN) == settings_crc()) {
+        known = SLAMD_SETTING_COUNT;
+    } else if (get32(store + SETTINGS_AT + SETTINGS_LEN_1_0) == slamd_crc32(0, store + SETTINGS_AT, SETTINGS_LEN_1_0)) {
+        known = SETTINGS_LEN_1_0 / 4;
+    }
     for (uint8_t i = 0; i < SLAMD_SETTING_COUNT; i++) {
         settings[i] = (int32_t)get32(store + SETTINGS_AT + 4 * i);
-        if (!good || !accepts(i + 1, settings[i])) settings[i] = limits[i].value;
+        if (i >= known || !accepts(i + 1, settings[i])) settings[i] = limits[i].value;
     }
     boot_id = get32(store + BOOT_AT) + 1;
     put32(store + BOOT_AT, boot_id);
@@ -100,8 +111,8 @@ static void save(void) {
 }
 
 static void send_hello(void) {
-    struct slamd_hello hello = {boot_id, 1000000, (uint32_t)setting(SLAMD_TICKS_PER_TURN), 0, settings_crc(),
-                                (uint8_t)setting(SLAMD_SENSORS), {'s', 'l', 'a', 'm', 'd', 'r', 'n', 'g'},
+    struct slamd_hello hello = {boot_id, 1000000, (uint32_t)setting(SLAMD_TICKS_PER_TURN),
+                                slamd_port_has_motors ? SLAMD_CAPABILITY_DRIVES : 0, settings_crc(), (uint8_t)setting(SLAMD_SENSORS), {'s', 'l', 'a', 'm', 'd', 'r', 'n', 'g'},
                                 slamd_port_board, SLAMD_FIRMWARE_VERSION};
     slamd_put_hello(&out, seq, &hello);
     send();
@@ -141,7 +152,7 @@ static uint8_t set(uint8_t key, int32_t value) {
     if (key < 1 || key > SLAMD_SETTING_COUNT) return SLAMD_UNKNOWN;
     if (value == setting(key)) return SLAMD_DONE;
     if (!accepts(key, value)) return SLAMD_REFUSED;
-    if (streaming && (key <= SLAMD_SLOT_US || key == SLAMD_MAX_RANGE_MM)) return SLAMD_BUSY;
+    if (streaming && (key <= SLAMD_SLOT_US || key >= SLAMD_MAX_RANGE_MM)) return SLAMD_BUSY;
     settings[key - 1] = value;
     settings_to_store();
     return SLAMD_DONE;
@@ -168,6 +179,7 @@ static void answer(const struct slamd_request *r, uint32_t rx_us) {
     case SLAMD_CONFIG_SET: result = set(r->key, r->value); break;
     case SLAMD_START:
         if (!streaming) {
+            slamd_motors_stop();
             uint32_t now_us = slamd_port_now_us();
             pinging = false;
             group = 0;
@@ -180,7 +192,15 @@ static void answer(const struct slamd_request *r, uint32_t rx_us) {
         break;
     case SLAMD_STOP:
         streaming = pinging = false;
+        slamd_motors_stop();
         result = SLAMD_DONE;
+        break;
+    case SLAMD_DRIVE:
+        if (slamd_port_has_motors && streaming) {
+            slamd_motors_drive(r->mm_s, r->valid_ms, rx_us);
+            return;
+        }
+        result = slamd_port_has_motors ? SLAMD_BUSY : SLAMD_UNKNOWN;
         break;
     default: return;
     }
@@ -194,7 +214,14 @@ static void hear(void) {
     struct slamd_request request;
     /* Bounded, so that a host that sends without pause cannot stop the firing. */
     for (uint8_t i = 0; i < 64 && slamd_port_receive(&byte, &t_us); i++) {
-        if (slamd_push(&decoder, byte) && slamd_parse(&decoder, &request)) answer(&request, t_us);
+        if (!slamd_push(&decoder, byte)) continue;
+        if (slamd_parse(&decoder, &request)) {
+            slamd_motors_heard(t_us);
+            answer(&request, t_us);
+        } else if (request.kind == SLAMD_DRIVE) { /* a speed or a time that no DRIVE may have */
+            slamd_put_ack(&out, seq, request.kind, request.seq, SLAMD_REFUSED);
+            send();
+        }
     }
 }
 
@@ -257,6 +284,9 @@ static void end_ping(void) {
     send();
     for (uint8_t i = group; i < total; i += groups) {
         bool answered = echo_of(i, &echo, &fault);
+        struct slamd_view view = {answered && fault == SLAMD_FAULT_CLEARED, UINT16_MAX};
+        if (echo <= SLAMD_MAX_FLIGHT_US) view.range_mm = (uint16_t)(echo * 343UL / 2000);
+        slamd_motors_see(i, view);
         if (answered) mute[i] = 0;
         else if (mute[i] < MUTE_CYCLES) mute[i]++;
         if (answered || mute[i] == MUTE_CYCLES) report_fault(i, fault);
@@ -284,6 +314,23 @@ static void fire(void) {
     begin_ping();
 }
 
+static void send_motion(uint32_t now_us) {
+    int16_t commanded[2], measured[2];
+    slamd_motors_speeds(commanded, measured);
+    slamd_put_motion(&out, seq, now_us, slamd_motors_state(), commanded, measured);
+    send();
+    motion_us = now_us;
+}
+
+static void drive(void) {
+    int32_t wheels[2];
+    uint32_t now_us = slamd_port_now_us();
+    read_wheels(wheels);
+    bool changed = slamd_motors_poll(now_us, wheels);
+    bool due = streaming && slamd_motors_are_known() && now_us - motion_us >= MOTION_US;
+    if (changed || due) send_motion(now_us);
+}
+
 static void report(void) {
     uint32_t now_us = slamd_port_now_us(), period_us = (uint32_t)setting(SLAMD_ENCODER_PERIOD_MS) * 1000;
     if (!greeted && now_us - hello_us >= HELLO_US) send_hello();
@@ -306,12 +353,14 @@ static void report(void) {
 void slamd_ring_begin(void) {
     slamd_port_begin();
     load();
+    slamd_motors_stop();
     send_hello();
 }
 
 void slamd_ring_poll(void) {
     fire();
     hear();
+    drive();
     report();
     save();
     slamd_port_rest();

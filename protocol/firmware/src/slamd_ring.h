@@ -8,7 +8,7 @@
 extern "C" {
 #endif
 
-#define SLAMD_FIRMWARE_VERSION "0.1.0"
+#define SLAMD_FIRMWARE_VERSION "0.2.0"
 
 void slamd_ring_begin(void);
 void slamd_ring_poll(void); /* call as often as possible; sleeps 0.2 ms at most */

@@ -83,7 +83,7 @@ macro_rules! codes {
         }
 
         impl $name {
-            pub(super) fn from_code(code: u8) -> Result<Self, MessageError> {
+            pub(in crate::message) fn from_code(code: u8) -> Result<Self, MessageError> {
                 match code {
                     $($code => Ok(Self::$item),)*
                     _ => Err(MessageError::Value { field: $field, got: code.into(), expected: $expected }),
@@ -92,6 +92,7 @@ macro_rules! codes {
         }
     };
 }
+pub(super) use codes;
 
 codes! {
     /// A sensor fault that the board detects.

@@ -19,7 +19,7 @@ pub struct Hello {
     pub sensors: u8,
     /// Encoder ticks per turn of a wheel.
     pub ticks_per_turn: u32,
-    /// Capabilities beyond this version of the protocol; 0 today.
+    /// What the board can do, as bits: see [`Hello::drives`].
     pub capabilities: u32,
     /// Checksum of the board's configuration: it changes when the configuration changes.
     pub config_crc: u32,
@@ -31,7 +31,19 @@ pub struct Hello {
     pub firmware: Text<16>,
 }
 
+/// Bit 0 of the capabilities.
+const DRIVES: u32 = 1;
+
 impl Hello {
+    /// The capabilities of a board that drives.
+    pub const CAPABILITY_DRIVES: u32 = DRIVES;
+
+    /// True if the board obeys DRIVE. Version 1.0 gave the bits no meaning, so its boards never do.
+    #[must_use]
+    pub const fn drives(&self) -> bool {
+        self.major == version::VERSION_MAJOR && self.minor >= 1 && self.capabilities & DRIVES != 0
+    }
+
     /// Checks that this version can read the board's messages.
     ///
     /// # Errors

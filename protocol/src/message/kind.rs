@@ -30,6 +30,8 @@ kinds! {
     STATUS = 0x12,
     /// Board: a sensor failed or recovered.
     FAULT = 0x13,
+    /// Board: what its motors do.
+    MOTION = 0x14,
     /// Board: the answer to a TIME_REQUEST.
     TIME_RESPONSE = 0x20,
     /// Board: the result of a command.
@@ -50,8 +52,10 @@ kinds! {
     CONFIG_GET = 0x85,
     /// Host: asks for GEOMETRY.
     GEOMETRY_REQUEST = 0x86,
+    /// Host: the wheels' speeds, for a short time.
+    DRIVE = 0x87,
     /// Host: asks for the board's time.
     TIME_REQUEST = 0x90,
-    /// Host: signals its presence when it has nothing else to send.
+    /// Host: says that it is there, so that a board that drives goes on.
     HEARTBEAT = 0x91,
 }

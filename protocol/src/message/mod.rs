@@ -4,6 +4,7 @@
 //! `parse` and `emit` of each message stand side by side, and the types bound all lengths.
 
 mod board;
+mod drive;
 mod error;
 mod geometry;
 mod hello;
@@ -13,6 +14,7 @@ mod text;
 mod wire;
 
 pub use board::{AckResult, Encoder, Fault, FaultCode, Log, Status};
+pub use drive::{Drive, Motion, MotionState, WheelSpeeds};
 pub use error::MessageError;
 pub use geometry::{Geometry, MAX_PLACEMENTS, Placement};
 pub use hello::Hello;
@@ -40,6 +42,8 @@ pub enum Message {
     Status(Status),
     /// Board: a sensor failed or recovered.
     Fault(Fault),
+    /// Board: what its motors do.
+    Motion(Motion),
     /// Board: the answer to a TIME_REQUEST.
     TimeResponse {
         /// The token of the request.
@@ -92,12 +96,14 @@ pub enum Message {
     },
     /// Host: asks for GEOMETRY.
     GeometryRequest,
+    /// Host: the wheels' speeds, for a short time.
+    Drive(Drive),
     /// Host: asks for the board's time.
     TimeRequest {
         /// Any number; the response repeats it.
         token: u16,
     },
-    /// Host: signals its presence when it has nothing else to send.
+    /// Host: says that it is there, so that a board that drives goes on.
     Heartbeat,
 }
 
@@ -116,6 +122,7 @@ impl Message {
             kind::ENCODER => Self::Encoder(Encoder::parse(payload)?),
             kind::STATUS => Self::Status(Status::parse(payload)?),
             kind::FAULT => Self::Fault(Fault::parse(payload)?),
+            kind::MOTION => Self::Motion(Motion::parse(payload)?),
             kind::TIME_RESPONSE => {
                 let mut fields = fields("TIME_RESPONSE", "at least 10");
                 Self::TimeResponse { token: fields.u16()?, rx_us: fields.u32()?, tx_us: fields.u32()? }
@@ -142,6 +149,7 @@ impl Message {
             }
             kind::CONFIG_GET => Self::ConfigGet { key: fields("CONFIG_GET", "at least 1").u8()? },
             kind::GEOMETRY_REQUEST => Self::GeometryRequest,
+            kind::DRIVE => Self::Drive(Drive::parse(payload)?),
             kind::TIME_REQUEST => Self::TimeRequest { token: fields("TIME_REQUEST", "at least 2").u16()? },
             kind::HEARTBEAT => Self::Heartbeat,
             unknown => return Err(MessageError::UnknownType(unknown)),
@@ -159,6 +167,8 @@ impl Message {
             Self::Encoder(encoder) => encoder.emit(&mut out),
             Self::Status(status) => status.emit(&mut out),
             Self::Fault(fault) => fault.emit(&mut out),
+            Self::Motion(motion) => motion.emit(&mut out),
+            Self::Drive(drive) => drive.emit(&mut out),
             Self::TimeResponse { token, rx_us, tx_us } => {
                 out.u16(*token).u32(*rx_us).u32(*tx_us);
             }
@@ -192,6 +202,7 @@ impl Message {
             Self::Encoder(_) => kind::ENCODER,
             Self::Status(_) => kind::STATUS,
             Self::Fault(_) => kind::FAULT,
+            Self::Motion(_) => kind::MOTION,
             Self::TimeResponse { .. } => kind::TIME_RESPONSE,
             Self::Ack { .. } => kind::ACK,
             Self::ConfigValue { .. } => kind::CONFIG_VALUE,
@@ -202,6 +213,7 @@ impl Message {
             Self::ConfigSet { .. } => kind::CONFIG_SET,
             Self::ConfigGet { .. } => kind::CONFIG_GET,
             Self::GeometryRequest => kind::GEOMETRY_REQUEST,
+            Self::Drive(_) => kind::DRIVE,
             Self::TimeRequest { .. } => kind::TIME_REQUEST,
             Self::Heartbeat => kind::HEARTBEAT,
         }

@@ -16,7 +16,7 @@ static bool again(const struct slamd_decoder *d, struct slamd_writer *w) {
     case SLAMD_HELLO: {
         struct slamd_hello h;
         char board[17] = {0}, firmware[17] = {0};
-        at += 2;
+        uint8_t major = u8(), minor = u8();
         h.boot_id = u32(), h.tick_hz = u32(), h.sensors = u8(), h.ticks_per_turn = u32();
         h.capabilities = u32(), h.config_crc = u32();
         memcpy(h.uid, at, 8);
@@ -24,6 +24,7 @@ static bool again(const struct slamd_decoder *d, struct slamd_writer *w) {
         memcpy(firmware, at + 24, 16);
         h.board = board, h.firmware = firmware;
         slamd_put_hello(w, seq, &h);
+        w->content[2] = major, w->content[3] = minor; /* vectors of older versions, too */
         return true;
     }
     case SLAMD_GEOMETRY: {
@@ -66,6 +67,14 @@ static bool again(const struct slamd_decoder *d, struct slamd_writer *w) {
         slamd_put_fault(w, seq, t, sensor, u8());
         return true;
     }
+    case SLAMD_MOTION: {
+        uint32_t t = u32();
+        uint8_t state = u8();
+        int16_t speeds[4];
+        for (int i = 0; i < 4; i++) speeds[i] = (int16_t)u16();
+        slamd_put_motion(w, seq, t, state, speeds, speeds + 2);
+        return true;
+    }
     case SLAMD_TIME_RESPONSE: {
         uint16_t token = u16();
         uint32_t rx = u32();
@@ -101,6 +110,12 @@ static bool asked(const struct slamd_decoder *d, struct slamd_writer *w) {
     if (r.kind == SLAMD_HELLO_REQUEST) slamd_u8(w, r.major), slamd_u8(w, r.minor);
     if (r.kind == SLAMD_CONFIG_SET || r.kind == SLAMD_CONFIG_GET) slamd_u8(w, r.key);
     if (r.kind == SLAMD_CONFIG_SET) slamd_u32(w, (uint32_t)r.value);
+    if (r.kind == SLAMD_DRIVE) {
+        slamd_u16(w, (uint16_t)r.mm_s[0]);
+        slamd_u16(w, (uint16_t)r.mm_s[1]);
+        slamd_u16(w, r.valid_ms);
+        slamd_u8(w, r.source);
+    }
     if (r.kind == SLAMD_TIME_REQUEST) slamd_u16(w, r.token);
     return true;
 }

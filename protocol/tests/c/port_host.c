@@ -1,5 +1,6 @@
-/* The ring on a simulated board: a script on stdin sets its clock, sensors and wheels; the bytes
+/* The ring on a simulated board: a script on stdin sets its clock, sensors, wheels and motors; the bytes
  * that it sends go to stdout. */
+#include "slamd_motors.h"
 #include "slamd_port.h"
 #include "slamd_ring.h"
 #include <stdio.h>
@@ -11,10 +12,12 @@ const char slamd_port_board[] = "paper";
 static uint32_t now_us, last_levels, fired_us[32];
 static long mode[32];
 static bool fired[32];
-static uint8_t memory[64], heard[65536], pins[2];
+static uint8_t memory[96], heard[65536], pins[2];
 static uint32_t heard_in, heard_out;
 static int32_t counts[2];
-static bool line_busy;
+static bool line_busy, emergency, held[2];
+static int16_t duties[2];
+static double speed_mm_s[2], way_mm[2];
 
 void slamd_port_begin(void) {}
 void slamd_port_rest(void) {}
@@ -59,6 +62,24 @@ uint32_t slamd_port_send_delay_us(void) { return 85; }
 uint8_t slamd_port_load(uint8_t at) { return memory[at]; }
 bool slamd_port_store(uint8_t at, uint8_t byte) { memory[at] = byte; return true; }
 
+
+const bool slamd_port_has_motors = true;
+void slamd_port_motors(const int16_t duty[2]) { memcpy(duties, duty, sizeof duties); }
+bool slamd_port_emergency(void) { return emergency; }
+
+/* 1 m/s at full voltage, 60 ms until it is reached, 20 ms to brake; wheels and encoders as the settings' defaults. */
+static void turn_motors(void) {
+    const double mm_per_tick = 2 * 3.14159265358979 * 35 / 1440;
+    for (int i = 0; i < 2; i++) {
+        double lag_us = duties[i] ? 60e3 : 20e3;
+        speed_mm_s[i] += (duties[i] * (1000.0 / 255) - speed_mm_s[i]) * STEP_US / lag_us;
+        if (held[i]) speed_mm_s[i] = 0;
+        way_mm[i] += speed_mm_s[i] * STEP_US * 1e-6;
+        for (; way_mm[i] >= mm_per_tick; way_mm[i] -= mm_per_tick) counts[i]++;
+        for (; way_mm[i] <= -mm_per_tick; way_mm[i] += mm_per_tick) counts[i]--;
+    }
+}
+
 int main(void) {
     char word[16];
     long a, b;
@@ -70,9 +91,15 @@ int main(void) {
             now_us = (uint32_t)a;
             slamd_ring_begin();
         } else if (!strcmp(word, "run")) {
-            for (long t = 0; t < a; t += STEP_US, now_us += STEP_US) slamd_ring_poll();
+            for (long t = 0; t < a; t += STEP_US, now_us += STEP_US) turn_motors(), slamd_ring_poll();
         } else if (!strcmp(word, "busy")) {
             line_busy = a;
+        } else if (!strcmp(word, "emergency")) {
+            emergency = a;
+        } else if (!strcmp(word, "hold")) { /* wheel a is held, or let go if negative */
+            held[a & 1] = a >= 0;
+        } else if (!strcmp(word, "store")) {
+            for (long i = 0; i < a && scanf("%2x", &byte) == 1; i++) memory[i] = (uint8_t)byte;
         } else if (!strcmp(word, "hear")) {
             while (a-- && scanf("%2x", &byte) == 1) heard[heard_in++ % sizeof heard] = (uint8_t)byte;
         } else if (!strcmp(word, "sensor") && scanf("%ld", &b) == 1) {

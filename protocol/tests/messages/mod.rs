@@ -5,8 +5,8 @@
 use core::num::NonZeroU16;
 use proptest::prelude::*;
 use slamd_protocol::{
-    AckResult, Echo, Encoder, Fault, FaultCode, Geometry, Hello, Log, MAX_ECHOES, MAX_PLACEMENTS, Message, Placement,
-    SensorEcho, Sonar, Status, Text,
+    AckResult, Drive, Echo, Encoder, Fault, FaultCode, Geometry, Hello, Log, MAX_ECHOES, MAX_PLACEMENTS, Message,
+    Motion, MotionState, Placement, SensorEcho, Sonar, Status, Text, WheelSpeeds,
 };
 
 /// Any message of any type.
@@ -18,6 +18,8 @@ pub(crate) fn message() -> impl Strategy<Value = Message> {
         encoder().prop_map(Message::Encoder),
         status().prop_map(Message::Status),
         fault().prop_map(Message::Fault),
+        motion().prop_map(Message::Motion),
+        drive().prop_map(Message::Drive),
         any::<(u16, u32, u32)>().prop_map(|(token, rx_us, tx_us)| Message::TimeResponse { token, rx_us, tx_us }),
         (any::<(u8, u8)>(), ack_result()).prop_map(|((of_type, of_seq), result)| Message::Ack {
             of_type,
@@ -139,6 +141,28 @@ fn fault() -> impl Strategy<Value = Fault> {
     use FaultCode::{Cleared, HighAtTrigger, NeverAnswers, PinStuck};
     let code = prop::sample::select(vec![Cleared, PinStuck, HighAtTrigger, NeverAnswers]);
     (any::<(u32, u8)>(), code).prop_map(|((t_us, sensor), code)| Fault { t_us, sensor, code })
+}
+
+fn speeds() -> impl Strategy<Value = WheelSpeeds> {
+    let each = -WheelSpeeds::MAX_MM_S..=WheelSpeeds::MAX_MM_S;
+    (each.clone(), each).prop_map(|(left, right)| WheelSpeeds::new(left, right).expect("in range"))
+}
+
+fn drive() -> impl Strategy<Value = Drive> {
+    (speeds(), Drive::VALID_MS, any::<u8>())
+        .prop_map(|(speeds, valid_ms, source)| Drive::new(speeds, valid_ms, source).expect("in range"))
+}
+
+fn motion() -> impl Strategy<Value = Motion> {
+    use MotionState::{Driving, EmergencyPin, Idle, NoMotors, Obstacle, Stall, TimeOut};
+    let state = prop::sample::select(vec![Idle, Driving, TimeOut, Obstacle, Stall, EmergencyPin, NoMotors]);
+    (any::<(u32, i16, i16)>(), state, speeds()).prop_map(|((t_us, left_mm_s, right_mm_s), state, commanded)| Motion {
+        t_us,
+        state,
+        commanded,
+        left_mm_s,
+        right_mm_s,
+    })
 }
 
 fn ack_result() -> impl Strategy<Value = AckResult> {

@@ -2,7 +2,7 @@
 
 #![allow(unreachable_pub, reason = "a test's module")]
 
-use super::plant::Plant;
+use super::plant::{Bridge, Plant};
 use slamd_core::Pose2;
 use std::fmt::Write as _;
 use std::io::{BufRead as _, BufReader, Write as _};
@@ -55,6 +55,16 @@ pub trait Host {
     fn exchange(&mut self, at_us: u64, bytes: &[u8]) -> Vec<u8>;
     /// Where the robot truly is.
     fn truth(&mut self, at_us: u64, pose: Pose2);
+    /// The plant, every few milliseconds.
+    fn look(&mut self, _at_us: u64, _plant: &Plant) {}
+    /// Whether the emergency switch is open.
+    fn emergency(&self) -> bool {
+        false
+    }
+    /// Whether the board is reset now.
+    fn resets(&mut self) -> bool {
+        false
+    }
 }
 
 struct Runner {
@@ -65,11 +75,15 @@ struct Runner {
 
 /// Runs the image for so many seconds of its own time, as fast as it goes.
 pub fn run(runner: &Path, image: &Path, seed: u64, seconds: u64, host: &mut impl Host) {
+    run_with(runner, image, Plant::new(seed), seconds, host);
+}
+
+/// The same with this plant.
+pub fn run_with(runner: &Path, image: &Path, mut plant: Plant, seconds: u64, host: &mut impl Host) {
     let mut child =
         Command::new(runner).arg(image).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("it runs");
     let (to, from) = (child.stdin.take().expect("piped"), BufReader::new(child.stdout.take().expect("piped")));
     let mut runner = Runner { child, to, from };
-    let mut plant = Plant::new(seed);
     let mut waiting = Vec::new();
     let mut line = String::new();
     loop {
@@ -79,8 +93,9 @@ pub fn run(runner: &Path, image: &Path, seed: u64, seconds: u64, host: &mut impl
         let us: u64 = words.next().and_then(|word| word.parse().ok()).expect("a time");
         waiting.extend(from_hex(words.next().expect("bytes")));
         plant.run_until(us);
+        plant.bridges([bridge(words.next()), bridge(words.next())]);
         let [left, right] = plant.ticks(us);
-        let mut answer = format!("{left} {right} ");
+        let mut answer = format!("{left}{} {right} ", if host.emergency() { "!" } else { "" });
         let mut pulses = String::new();
         let triggered = words.next();
         for pulse in triggered.map_or(Vec::new(), |lines| plant.ping(us, lines.parse().expect("lines"))) {
@@ -88,6 +103,7 @@ pub fn run(runner: &Path, image: &Path, seed: u64, seconds: u64, host: &mut impl
         }
         let written = if us.is_multiple_of(LATENCY_US) && triggered.is_none() {
             let written = host.exchange(us, &std::mem::take(&mut waiting));
+            host.look(us, &plant);
             if us.is_multiple_of(TRUTH_US) {
                 host.truth(us, plant.pose(us));
             }
@@ -102,8 +118,16 @@ pub fn run(runner: &Path, image: &Path, seed: u64, seconds: u64, host: &mut impl
             let _ = runner.child.wait();
             return;
         }
+        if host.resets() {
+            answer = "reset".into();
+        }
         writeln!(runner.to, "{answer}").expect("the runner listens");
     }
+}
+
+fn bridge(word: Option<&str>) -> Bridge {
+    let word = word.expect("what a bridge does");
+    word.parse::<f64>().map_or(Bridge::Brake, |thousandths| Bridge::Voltage(1e-3 * thousandths))
 }
 
 fn from_hex(text: &str) -> impl Iterator<Item = u8> {

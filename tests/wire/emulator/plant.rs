@@ -4,8 +4,9 @@
 
 use slamd_core::{Pose2, Ring};
 use slamd_sim::explore::Explorer;
+use slamd_sim::home::Grip;
 use slamd_sim::random::{Random, Stream};
-use slamd_sim::robot::{Robot, STEP_S, STEP_US, Twist};
+use slamd_sim::robot::{Robot, STEP_S, STEP_US, Twist, WheelDrive};
 use slamd_sim::sonar::{BeamShape, reading};
 use slamd_sim::world::World;
 use std::f64::consts::PI;
@@ -26,6 +27,18 @@ pub struct Pulse {
     pub fall_us: u64,
 }
 
+/// The wheels' speed at full voltage, metres per second.
+const FULL_M_S: f64 = 1.0;
+
+/// What a bridge makes of its pins.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Bridge {
+    /// Both ends of the motor are connected.
+    Brake,
+    /// The mean voltage as a share of the full one.
+    Voltage(f64),
+}
+
 /// World, robot and acoustics.
 pub struct Plant {
     world: World,
@@ -34,6 +47,9 @@ pub struct Plant {
     explorer: Explorer,
     noise: Random,
     command: Twist,
+    bridges: [Bridge; 2],
+    /// A bridge has had a voltage: from then on the motors move the robot.
+    is_driven: bool,
     /// Time of the robot's present step, microseconds since the board's start.
     step_us: u64,
     drives_since_us: Option<u64>,
@@ -52,10 +68,34 @@ impl Plant {
             explorer: Explorer::new(&world, random(Stream::Explore)),
             noise: random(Stream::Sonar),
             command: Twist::default(),
+            bridges: [Bridge::Brake; 2],
+            is_driven: false,
             step_us: 0,
             drives_since_us: None,
             world,
         }
+    }
+
+    /// The same with a robot that stands until its motors drive it.
+    pub fn standing(mut self) -> Self {
+        self.is_driven = true;
+        self
+    }
+
+    /// What the bridges do from now on.
+    pub fn bridges(&mut self, bridges: [Bridge; 2]) {
+        self.bridges = bridges;
+        self.is_driven |= bridges.iter().any(|bridge| matches!(bridge, Bridge::Voltage(share) if *share != 0.0));
+    }
+
+    /// The wheels' speeds, left and right, metres per second.
+    pub fn wheel_speeds_m_s(&self) -> [f64; 2] {
+        self.robot.speeds_m_s()
+    }
+
+    /// Metres from the middle of the robot to the nearest surface.
+    pub fn clearance_m(&self) -> f64 {
+        self.world.clearance(self.robot.pose(0.0).position())
     }
 
     /// Lets the world run on to `us`.
@@ -67,7 +107,18 @@ impl Plant {
                 let seconds = self.step_us as f64 * 1e-6;
                 self.command = self.explorer.command(&self.world, self.robot.pose(0.0), seconds);
             }
-            self.robot.step(self.command);
+            if self.is_driven {
+                let grip =
+                    if self.robot.presses(&self.world) { Grip { forward: 0.0, ..Grip::FULL } } else { Grip::FULL };
+                let drives = self.bridges.map(|bridge| match bridge {
+                    Bridge::Brake => WheelDrive::Brake,
+                    Bridge::Voltage(0.0) => WheelDrive::Coast,
+                    Bridge::Voltage(share) => WheelDrive::Speed(FULL_M_S * share),
+                });
+                self.robot.step_driven(drives, grip);
+            } else {
+                self.robot.step(self.command);
+            }
             self.step_us += STEP_US;
         }
     }

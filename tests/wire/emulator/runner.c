@@ -1,12 +1,14 @@
-/* Runs the board's firmware in an emulated ATmega2560 with 32 sonars and two encoders on its pins.
+/* Runs the board's firmware in an emulated ATmega2560 with 32 sonars, two encoders and two motor bridges on its pins.
  *
  * A separate program for tests, because it is linked with libsimavr. SPDX-License-Identifier: GPL-3.0-or-later
  *
  * In lock-step with the world on standard input and output, one line each way every millisecond of the emulated time and
  * whenever sonars are triggered:
- *   out: TIME_US SENT_HEX|- [LINES]
+ *   out: TIME_US SENT_HEX|- LEFT RIGHT [LINES]
  *   in:  LEFT_TICKS RIGHT_TICKS TO_BOARD_HEX|- {SENSOR:RISE_US:FALL_US}
- * An empty line ends the program. Nothing depends on the wall clock, so equal answers make equal runs. */
+ * LEFT and RIGHT are what the bridges make of their pins since the line before: the mean voltage in thousandths, or
+ * "brake". If LEFT_TICKS ends with "!", the emergency switch is open. "reset" instead of an answer resets the
+ * board. An empty line ends the program. Nothing depends on the wall clock, so equal answers make equal runs. */
 #include <simavr/avr_extint.h>
 #include <simavr/avr_ioport.h>
 #include <simavr/avr_uart.h>
@@ -38,6 +40,12 @@ static struct {
 } echoes[SENSORS][2];
 static avr_cycle_count_t next_echo; /* the earliest of them */
 static int32_t ticks[2], wanted[2];
+/* Bits of port H: enable, input 1 and input 2 of each bridge. */
+static const int bridge_bits[2][3] = {{3, 5, 6}, {4, 1, 0}};
+static int bridge_levels[2][3];
+static avr_cycle_count_t driven_since[2], read_at;
+static int64_t driven[2]; /* cycles with voltage since read_at, with its sign */
+static avr_irq_t *emergency_pin;
 
 static void on_sent(struct avr_irq_t *irq, uint32_t value, void *param) {
     size_t len = strlen(sent);
@@ -61,6 +69,35 @@ static void on_trigger(struct avr_irq_t *irq, uint32_t value, void *param) {
     }
 }
 
+static int voltage(int wheel) {
+    const int *levels = bridge_levels[wheel];
+    return levels[0] ? levels[1] - levels[2] : 0;
+}
+
+static void integrate(int wheel) {
+    driven[wheel] += voltage(wheel) * (int64_t)(avr->cycle - driven_since[wheel]);
+    driven_since[wheel] = avr->cycle;
+}
+
+static void on_bridge(struct avr_irq_t *irq, uint32_t value, void *param) {
+    int index = (int)(intptr_t)param;
+    (void)irq;
+    integrate(index / 3);
+    bridge_levels[index / 3][index % 3] = value != 0;
+}
+
+/* The resistors at the bridge hold pins that are no outputs: enabled, and both inputs low. */
+static void print_bridge(int wheel) {
+    avr_ioport_state_t state;
+    int64_t cycles = (int64_t)(avr->cycle - read_at);
+    int shorted = bridge_levels[wheel][0] && !bridge_levels[wheel][1] && !bridge_levels[wheel][2];
+    integrate(wheel);
+    avr_ioctl(avr, AVR_IOCTL_IOPORT_GETSTATE('H'), &state);
+    if (!(state.ddr >> bridge_bits[wheel][0] & 1) || (shorted && !driven[wheel])) fprintf(to_world, " brake");
+    else fprintf(to_world, " %lld", cycles ? (long long)(1000 * driven[wheel] / cycles) : 0);
+    driven[wheel] = 0;
+}
+
 /* libsimavr would sleep in real time. */
 static void on_sleep(struct avr_t *sleeping, avr_cycle_count_t cycles) {
     (void)sleeping, (void)cycles;
@@ -79,6 +116,11 @@ static void wire(void) {
     /* The encoders' pins are interrupt pins, too, which libsimavr would poll in each cycle though they are not enabled. */
     for (int i = 0; i < 4; i++) avr_extint_set_strict_lvl_trig(avr, (uint8_t)i, 0);
     for (int i = 0; i < 4; i++) avr_raise_irq(encoder_pins[i], 0);
+    for (int i = 0; i < 6; i++) {
+        avr_irq_register_notify(pin('H', bridge_bits[i / 3][i % 3]), on_bridge, (void *)(intptr_t)i);
+    }
+    emergency_pin = pin('B', 4);
+    avr_raise_irq(emergency_pin, 0);
     avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ('F'), IOPORT_IRQ_REG_PORT), on_trigger, NULL);
     avr_ioctl(avr, AVR_IOCTL_UART_GET_FLAGS('0'), &flags);
     flags &= ~(uint32_t)(AVR_UART_FLAG_STDIO | AVR_UART_FLAG_POLL_SLEEP);
@@ -152,6 +194,12 @@ static int answer(void) {
     char *word;
     if (!fgets(line, sizeof line, stdin) || line[0] == '\n') return 0;
     if (!(word = strtok(line, " \n"))) return 0;
+    if (!strcmp(word, "reset")) {
+        avr_reset(avr);
+        wire();
+        return 1;
+    }
+    avr_raise_irq(emergency_pin, strchr(word, '!') != NULL);
     wanted[0] = atoi(word);
     if (!(word = strtok(NULL, " \n"))) return 0;
     wanted[1] = atoi(word);
@@ -183,14 +231,14 @@ int main(int argc, char **argv) {
     for (uint64_t tick = TICK_US;;) {
         uint64_t us = tick;
         if (!run_until((avr_cycle_count_t)tick * CYCLES_PER_US)) return 70;
-        if (trigger_lines) {
-            us = avr->cycle / CYCLES_PER_US;
-            fprintf(to_world, "%llu %s %u\n", (unsigned long long)us, sent[0] ? sent : "-", trigger_lines);
-            trigger_lines = 0;
-        } else {
-            fprintf(to_world, "%llu %s\n", (unsigned long long)us, sent[0] ? sent : "-");
-            tick += TICK_US;
-        }
+        if (trigger_lines) us = avr->cycle / CYCLES_PER_US;
+        fprintf(to_world, "%llu %s", (unsigned long long)us, sent[0] ? sent : "-");
+        for (int wheel = 0; wheel < 2; wheel++) print_bridge(wheel);
+        read_at = avr->cycle;
+        if (trigger_lines) fprintf(to_world, " %u", trigger_lines);
+        else tick += TICK_US;
+        fprintf(to_world, "\n");
+        trigger_lines = 0;
         fflush(to_world);
         sent[0] = 0;
         if (!answer()) return 0;

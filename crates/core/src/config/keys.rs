@@ -39,6 +39,7 @@ pub fn keys() -> Vec<Key> {
             "The sensors. Without `sensors` and `circle` the board reports where they are mounted.",
         ),
         key("map", Shape::Table(map()), "The map."),
+        key("drive", Shape::Table(drive()), "Limits of what slamd commands to the motors, with --drive."),
         key(
             "board",
             Shape::Table(board()),
@@ -202,6 +203,26 @@ fn map() -> Vec<Key> {
     vec![number("cell_m", 0.01, 0.5, "Side length of a cell, metres; the paper's method always uses 0.01.")]
 }
 
+fn drive() -> Vec<Key> {
+    vec![
+        number("max_speed_m_s", 0.01, 2.0, "Highest speed forward or backward, metres per second."),
+        number("max_turn_rad_s", 0.01, 10.0, "Highest turn rate, radians per second."),
+        number(
+            "acceleration_m_s2",
+            0.02,
+            5.0,
+            "Ramp of the speed, metres per second squared; stops do not wait for it.",
+        ),
+        number("turn_acceleration_rad_s2", 0.1, 50.0, "Ramp of the turn rate, radians per second squared."),
+        number(
+            "lease_s",
+            0.5,
+            60.0,
+            "So long after its last command a client remains the only one that may drive, seconds.",
+        ),
+    ]
+}
+
 /// The board's settings; the protocol has their names and ranges.
 fn board() -> Vec<Key> {
     Setting::ALL
@@ -227,6 +248,15 @@ const fn about(setting: Setting) -> &'static str {
         Setting::HalfAngleCdeg => "Half the beam's opening angle, hundredths of degrees.",
         Setting::Clockwise => "True if the sensors are numbered clockwise.",
         Setting::MaxRangeMm => "Longest range, millimetres; a farther echo is reported as no echo.",
+        Setting::TopSpeedMmS => "Highest speed of a driven wheel, mm/s; 0 for a board without motors.",
+        Setting::AccelerationMmS2 => "Ramp of the driven wheels, mm/s²; stops do not wait for it.",
+        Setting::StopDistanceMm => "The board stops before an echo nearer than this, millimetres from the sensor.",
+        Setting::WheelRadiusUm => "Radius of a driven wheel, micrometres.",
+        Setting::GainForward => "Motor control: thousandths of full voltage per 100 mm/s of commanded speed.",
+        Setting::GainProportional => "Motor control: thousandths of full voltage per 100 mm/s of error.",
+        Setting::GainIntegral => "Motor control: thousandths of full voltage per 100 mm/s of error, each second.",
+        Setting::LeftMotorReversed => "True if the left motor runs backwards.",
+        Setting::RightMotorReversed => "True if the right motor runs backwards.",
     }
 }
 

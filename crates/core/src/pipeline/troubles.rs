@@ -163,6 +163,12 @@ impl Pipeline {
             }
             Message::ConfigValue { key, value } => conversation.setting(*key, *value, at),
             Message::Ack { of_type, result, .. } => conversation.acknowledged(*of_type, *result, at, events),
+            Message::Motion(motion) => {
+                let before = self.motion.replace(*motion);
+                if before.is_none_or(|before| before.state != motion.state) {
+                    events.push(Event::Motion { at, state: motion.state });
+                }
+            }
             Message::Status(status) => {
                 if let Some(cdeg) = status.temperature_cdeg {
                     self.aligner.measured_air(0.01 * f64::from(cdeg), at);

@@ -8,6 +8,7 @@ mod honest;
 mod link_states;
 mod localize;
 mod lock;
+mod motion;
 mod moved;
 mod noisy_map;
 mod params;

@@ -1,0 +1,245 @@
+//! The image's PWM pins move the simulated robot, and whatever ends a drive, it stands still in time.
+
+use super::emulation::{self, Host};
+use super::plant::Plant;
+use slamd_core::Pose2;
+use slamd_protocol::{Drive, FrameDecoder, FrameEncoder, Message, MotionState, Setting, WheelSpeeds};
+use slamd_sim::random::{Random, Stream};
+
+/// The wheels must stand this long after the board has a reason to stop, and after the last frame where the line is silent, microseconds.
+const STANDSTILL_US: u64 = 150_000;
+const SILENT_STANDSTILL_US: u64 = 400_000;
+/// The exchange with the emulated line waits this long, and a plant's step takes as long, microseconds.
+const GRAIN_US: u64 = 4_000 + 5_000;
+/// Period of DRIVE.
+const DRIVE_US: u64 = 100_000;
+
+/// How a drive ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Ending {
+    /// The line is cut.
+    Silence,
+    /// The last DRIVE expires while other frames come.
+    Expiry,
+    Stop,
+    Zero,
+    Reset,
+    Emergency,
+}
+
+const ENDINGS: [Ending; 6] =
+    [Ending::Silence, Ending::Expiry, Ending::Stop, Ending::Zero, Ending::Reset, Ending::Emergency];
+
+#[derive(Clone, Copy, Debug)]
+enum Phase {
+    /// HELLO, settings, START; then driving from this time on.
+    Greeting(u64),
+    /// Until this time, ended so.
+    Driving(u64, Ending),
+    /// Ended so at this time; the wheels must stand from this time on, until this one.
+    Ended(Ending, u64, u64),
+}
+
+/// A host that drives at random speeds, and ends each drive at a random moment in another way.
+struct Endings {
+    encoder: FrameEncoder,
+    decoder: FrameDecoder,
+    random: Random,
+    phase: Phase,
+    speeds: WheelSpeeds,
+    ended: usize,
+    resets: bool,
+    /// Longest time from the reason to the standstill, by ending.
+    longest_us: [u64; ENDINGS.len()],
+    /// The greatest speed seen while driving.
+    fastest_m_s: f64,
+    states: Vec<MotionState>,
+}
+
+impl Endings {
+    fn new(seed: u64) -> Self {
+        Self {
+            encoder: FrameEncoder::new(),
+            decoder: FrameDecoder::new(),
+            random: Random::new(seed, Stream::Robot),
+            phase: Phase::Greeting(100_000),
+            speeds: WheelSpeeds::ZERO,
+            ended: 0,
+            resets: false,
+            longest_us: [0; ENDINGS.len()],
+            fastest_m_s: 0.0,
+            states: Vec::new(),
+        }
+    }
+
+    fn drive(&mut self, speeds: WheelSpeeds) -> Vec<u8> {
+        self.encoder.encode(&Message::Drive(Drive::new(speeds, 300, Drive::FROM_SOCKET).unwrap())).to_vec()
+    }
+
+    /// What is said at the end of a drive, and from when on the wheels must stand.
+    fn end(&mut self, at_us: u64, ending: Ending) -> (Vec<u8>, u64) {
+        match ending {
+            // The last DRIVE was at most its period ago.
+            Ending::Silence => (Vec::new(), at_us + SILENT_STANDSTILL_US),
+            Ending::Expiry => (Vec::new(), at_us + 300_000 + STANDSTILL_US),
+            Ending::Stop => (self.encoder.encode(&Message::Stop).to_vec(), at_us + STANDSTILL_US),
+            Ending::Zero => (self.drive(WheelSpeeds::ZERO), at_us + STANDSTILL_US),
+            Ending::Reset => {
+                self.resets = true;
+                (Vec::new(), at_us + STANDSTILL_US)
+            }
+            Ending::Emergency => (Vec::new(), at_us + STANDSTILL_US),
+        }
+    }
+}
+
+impl Host for Endings {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "random times and speeds")]
+    fn exchange(&mut self, at_us: u64, bytes: &[u8]) -> Vec<u8> {
+        for &byte in bytes {
+            let Some(frame) = self.decoder.push(byte) else { continue };
+            if let Ok(Message::Motion(motion)) = Message::parse(frame.kind, frame.payload)
+                && self.states.last() != Some(&motion.state)
+            {
+                self.states.push(motion.state);
+            }
+        }
+        match self.phase {
+            Phase::Greeting(from_us) if at_us >= from_us => {
+                let spin = self.random.uniform(150.0, 600.0) as i16;
+                self.speeds = if self.random.sign() > 0.0 {
+                    WheelSpeeds::new(spin, -spin).unwrap()
+                } else {
+                    WheelSpeeds::new(-spin, spin / 2).unwrap()
+                };
+                let until_us = from_us + 800_000 + self.random.uniform(0.0, 700_000.0) as u64;
+                self.phase = Phase::Driving(until_us, ENDINGS[self.ended % ENDINGS.len()]);
+                let top = Message::ConfigSet { key: Setting::TopSpeedMmS.key(), value: 600 };
+                let messages = [Message::HelloRequest { major: 1, minor: 1 }, top, Message::Start];
+                messages.iter().flat_map(|message| self.encoder.encode(message).to_vec()).collect()
+            }
+            Phase::Greeting(_) => Vec::new(),
+            Phase::Driving(until_us, ending) if at_us >= until_us => {
+                let (said, stands_us) = self.end(at_us, ending);
+                self.phase = Phase::Ended(ending, at_us, stands_us);
+                said
+            }
+            Phase::Driving(..) if at_us.is_multiple_of(DRIVE_US) => self.drive(self.speeds),
+            Phase::Ended(Ending::Expiry, ended_us, _)
+                if at_us.is_multiple_of(DRIVE_US) && at_us < ended_us + 600_000 =>
+            {
+                self.encoder.encode(&Message::Heartbeat).to_vec()
+            }
+            Phase::Ended(_, ended_us, _) if at_us >= ended_us + 1_000_000 => {
+                self.ended += 1;
+                self.phase = Phase::Greeting(at_us + 100_000);
+                // A stall or an emergency is over.
+                self.drive(WheelSpeeds::ZERO)
+            }
+            Phase::Driving(..) | Phase::Ended(..) => Vec::new(),
+        }
+    }
+
+    fn truth(&mut self, _: u64, _: Pose2) {}
+
+    fn look(&mut self, at_us: u64, plant: &Plant) {
+        let fastest_m_s = plant.wheel_speeds_m_s().iter().fold(0.0, |fastest: f64, m_s| fastest.max(m_s.abs()));
+        match self.phase {
+            Phase::Driving(..) => self.fastest_m_s = self.fastest_m_s.max(fastest_m_s),
+            Phase::Ended(ending, ended_us, stands_us) => {
+                if fastest_m_s > 0.0 {
+                    let longest = &mut self.longest_us[ending as usize];
+                    *longest = (*longest).max(at_us - ended_us);
+                    assert!(
+                        at_us <= stands_us + GRAIN_US,
+                        "{ending:?}: {fastest_m_s} m/s {} us after it",
+                        at_us - ended_us
+                    );
+                }
+            }
+            Phase::Greeting(_) => {}
+        }
+    }
+
+    fn emergency(&self) -> bool {
+        matches!(self.phase, Phase::Ended(Ending::Emergency, ended_us, stands_us) if ended_us < stands_us)
+    }
+
+    fn resets(&mut self) -> bool {
+        std::mem::take(&mut self.resets)
+    }
+}
+
+#[test]
+fn the_image_stands_still_in_time_whatever_ends_a_drive() {
+    const SECONDS: u64 = 36;
+    let (runner, image) = emulation::build();
+    let mut host = Endings::new(1);
+    emulation::run_with(runner, image, Plant::new(1).standing(), SECONDS, &mut host);
+    println!(
+        "{} endings, longest {:?} us for {ENDINGS:?}; fastest {} m/s",
+        host.ended, host.longest_us, host.fastest_m_s
+    );
+    assert!(host.ended >= 2 * ENDINGS.len(), "{}", host.ended);
+    assert!(host.fastest_m_s > 0.3, "it hardly moved: {} m/s", host.fastest_m_s);
+    let all = [MotionState::Idle, MotionState::Driving, MotionState::TimeOut, MotionState::EmergencyPin];
+    assert!(all.iter().all(|state| host.states.contains(state)), "{:?}", host.states);
+}
+
+/// Drives ahead without looking.
+struct Ahead {
+    encoder: FrameEncoder,
+    decoder: FrameDecoder,
+    last: Option<MotionState>,
+    nearest_m: f64,
+    fastest_m_s: f64,
+}
+
+impl Host for Ahead {
+    fn exchange(&mut self, at_us: u64, bytes: &[u8]) -> Vec<u8> {
+        for &byte in bytes {
+            let Some(frame) = self.decoder.push(byte) else { continue };
+            if let Ok(Message::Motion(motion)) = Message::parse(frame.kind, frame.payload) {
+                self.last = Some(motion.state);
+            }
+        }
+        let mut say = |message: &Message| self.encoder.encode(message).to_vec();
+        match at_us {
+            100_000 => say(&Message::ConfigSet { key: Setting::TopSpeedMmS.key(), value: 600 }),
+            200_000 => say(&Message::Start),
+            _ if at_us > 500_000 && at_us.is_multiple_of(DRIVE_US) => {
+                let ahead = WheelSpeeds::new(500, 500).unwrap();
+                say(&Message::Drive(Drive::new(ahead, 300, Drive::FROM_SOCKET).unwrap()))
+            }
+            _ => Vec::new(),
+        }
+    }
+
+    fn truth(&mut self, _: u64, _: Pose2) {}
+
+    fn look(&mut self, _: u64, plant: &Plant) {
+        self.nearest_m = self.nearest_m.min(plant.clearance_m());
+        let [left, right] = plant.wheel_speeds_m_s();
+        self.fastest_m_s = self.fastest_m_s.max(0.5 * (left + right));
+    }
+}
+
+#[test]
+fn the_image_stops_before_a_wall_that_the_host_drives_at() {
+    use slamd_sim::robot::BODY_RADIUS_M;
+    let (runner, image) = emulation::build();
+    for seed in 1..=2 {
+        let mut host = Ahead {
+            encoder: FrameEncoder::new(),
+            decoder: FrameDecoder::new(),
+            last: None,
+            nearest_m: f64::INFINITY,
+            fastest_m_s: 0.0,
+        };
+        emulation::run_with(runner, image, Plant::new(seed).standing(), 15, &mut host);
+        println!("seed {seed}: {:.3} m from the body to the wall", host.nearest_m - BODY_RADIUS_M);
+        assert_eq!(host.last, Some(MotionState::Obstacle), "seed {seed}");
+        assert!(host.fastest_m_s > 0.3, "{} m/s", host.fastest_m_s);
+        assert!(host.nearest_m > BODY_RADIUS_M + 0.02, "seed {seed}: {} m", host.nearest_m);
+    }
+}
