@@ -153,9 +153,7 @@ fn a_push_is_mended_within_two_metres() {
 fn a_pushed_robot_is_not_at_the_other_end_of_an_alike_room() {
     let outcome = drive(2, 110.0, "push=0.25@60s");
     println!("{:?}", outcome.events);
-    let is_told = |event: &LocalizationEvent| {
-        matches!(&event.change, LocalizationChange::Doubted { reason } if reason.contains("nearly alike"))
-    };
+    let is_told = |event: &LocalizationEvent| matches!(&event.change, LocalizationChange::Doubted { reason } if reason.contains("nearly alike"));
     assert!(outcome.events.iter().any(is_told), "{:?}", outcome.events);
     assert!(outcome.silent_s() < 5.0, "{:.1} s", outcome.silent_s());
     assert!(outcome.end().is_lost || outcome.end().error_m < RIGHT_M, "{:.2} m", outcome.end().error_m);
