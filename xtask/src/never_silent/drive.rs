@@ -1,7 +1,9 @@
 //! One drive: simulates it, runs the estimator and keeps what was said beside the truth.
 
 use super::kind::Kind;
-use slamd_core::{Config, Driver, Estimate, Event, LocalizationEvent, ModelEvent, Pose2, Record, Start, Update};
+use slamd_core::{
+    Config, Driver, Estimate, Event, LocalizationEvent, ModelEvent, Pose2, Record, Start, Timestamp, Update,
+};
 use slamd_metrics::{Pair, Pairing};
 use slamd_sim::fault::FaultMix;
 use slamd_sim::link::LinkFaults;
@@ -39,9 +41,13 @@ impl Case {
 pub(crate) struct Trace {
     /// Where the robot was at the session's start: the map's origin.
     pub(super) start: Option<Pose2>,
+    /// The truth, at other times than the poses.
+    pub(super) truths: Vec<(Timestamp, Pose2)>,
     pub(super) pairs: Vec<Pair<Estimate>>,
     pub(super) localization: Vec<LocalizationEvent>,
     pub(super) model: Vec<ModelEvent>,
+    /// When the map was begun anew, and the first pose in it.
+    pub(super) revised: Vec<(Timestamp, Estimate)>,
 }
 
 /// Simulates and estimates.
@@ -65,12 +71,16 @@ pub(super) fn drive(case: &Case) -> Trace {
     for record in session(simulation) {
         if let Record::Truth { at, pose } = record {
             trace.start.get_or_insert(pose);
+            trace.truths.push((at, pose));
             pairing.truth(at, pose);
         }
         driver.feed(&record, |_, update| match update {
             Update::Event(Event::Estimate(estimate)) => pairing.estimate(estimate.at, *estimate),
             Update::Event(Event::Localization(event)) => trace.localization.push(event.clone()),
             Update::Event(Event::Model(event)) => trace.model.push(event.clone()),
+            Update::Event(Event::Revised { at, poses }) => {
+                trace.revised.extend(poses.first().map(|first| (*at, *first)));
+            }
             _ => {}
         });
         trace.pairs.extend(std::iter::from_fn(|| pairing.next_pair()));

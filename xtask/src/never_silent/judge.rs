@@ -136,21 +136,22 @@ pub(crate) fn events(trace: &Trace) -> String {
 }
 
 /// The sweeps of a drive in the map frame. A corrected robot begins its map anew from the same start, along another wall perhaps: then
-/// the first pose after it selects one of the four rotations again.
+/// the first pose of that map selects one of the four rotations again.
 fn sweeps(trace: &Trace) -> Vec<Sweep> {
-    let Trace { start, pairs, localization, model } = trace;
+    let Trace { start, truths, pairs, localization, revised, .. } = trace;
     let (Some(start), Some(first)) = (start, pairs.first()) else { return Vec::new() };
     // A correction may come before the first pose: that is not the start.
     let frame = |pair: &Pair<Estimate>| Pose2 { theta_rad: building_frame(pair).theta_rad, ..*start }.inverse();
     let mut map_from_world = frame(first);
-    let mut corrections = model.iter().filter(|event| event.state == ModelState::Corrected).peekable();
+    let truth_at = |at: Timestamp| truths.iter().find(|truth| truth.0 >= at).map_or(first.truth, |truth| truth.1);
+    let mut revised = revised.iter().peekable();
     let (mut driven_m, mut before) = (0.0, first.truth);
     let sweep = |pair: &Pair<Estimate>| {
         let step_m = (pair.truth.position() - before.position()).norm();
         driven_m += if step_m < CARRIED_M { step_m } else { 0.0 };
         before = pair.truth;
-        while corrections.next_if(|event| event.at <= pair.at).is_some() {
-            map_from_world = frame(pair);
+        while let Some(&(_, first)) = revised.next_if(|(at, _)| *at <= pair.at) {
+            map_from_world = frame(&Pair { at: first.at, estimate: first, truth: truth_at(first.at) });
         }
         let (pose, truth, cov) = (pair.estimate.pose, map_from_world * pair.truth, pair.estimate.covariance);
         let error = error(pose, truth);

@@ -136,6 +136,16 @@ impl CheckedSlam {
         self.slam.update(&self.corrected, events);
     }
 
+    /// States the error of the robot's scale with each new pose: a map that is a tenth too large is wrong by a tenth of the distance from
+    /// its origin.
+    fn state_scale(&self, estimate: &mut Estimate) {
+        let params = &self.params.robot_model;
+        let sigma = if self.check.is_known() { params.known_scale_sigma } else { params.unknown_scale_sigma };
+        let variance_m2 = (sigma * estimate.pose.position().coords.norm()).powi(2);
+        estimate.covariance[(0, 0)] += variance_m2;
+        estimate.covariance[(1, 1)] += variance_m2;
+    }
+
     /// Notes what the new events say of the encoders. True while one is dead: then wheels and walls cannot be compared.
     fn follow_encoders(&mut self, events: &[Event], earlier: usize) -> bool {
         for event in events.iter().skip(earlier) {
@@ -195,6 +205,7 @@ impl CheckedSlam {
             (again, poses) = self.follow_again(learnt, &found);
         }
         self.is_lost = again.iter().rev().find_map(lost).unwrap_or(false);
+        poses.iter_mut().for_each(|pose| self.state_scale(pose));
         let newest = poses.pop();
         events.push(Event::Revised { at, poses });
         events.extend(newest.map(Event::Estimate));
@@ -287,6 +298,11 @@ impl Estimator for CheckedSlam {
         }
         let earlier = events.len();
         self.follow(sweep, events);
+        for event in events.iter_mut().skip(earlier) {
+            if let Event::Estimate(estimate) = event {
+                self.state_scale(estimate);
+            }
+        }
         if let Some(noise) = events.iter().skip(earlier).position(|event| matches!(event, Event::Model(_))) {
             self.noise = Some(events.remove(earlier + noise));
         }

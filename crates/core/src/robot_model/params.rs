@@ -26,6 +26,8 @@ use crate::geometry::degrees;
 /// | `steps_known` | 1 | hypotheses | by design | As `steps_new` |
 /// | `known_every_sweeps` | 16 | sweeps | by design: a few per cent of a sweep's time | As `steps_new` |
 /// | `known_keys` | 200 | sweeps | by design: some 5 m | Too small: the search becomes slow before a wrong robot shows. Too large: time is wasted |
+/// | `unknown_scale_sigma` | 0.1 | - | by hand: robots whose scale is off by less are not found within 5 m | Too small: a pose is silently wrong until the robot is found. Too large: the first metres of a good robot look doubtful |
+/// | `known_scale_sigma` | 0.01 | - | by hand: what the search leaves | As `unknown_scale_sigma`, for the rest of the drive |
 /// | `known_turn_rad` | 6.28 | rad | by design: one turn | As `known_keys` |
 /// | `turn_ratio` | 1.05 | 1 | by design: a suspect that differs by less is no matter of turning | Too small: a straight way answers nothing. Too large: a straight way refutes a wrong turning |
 /// | `telling_turn_rad` | 1.0 | rad | by design: two thirds of a right angle | As `turn_ratio` |
@@ -68,6 +70,8 @@ pub struct Params {
     pub steps_known: usize,
     pub known_every_sweeps: u64,
     pub known_keys: u64,
+    pub unknown_scale_sigma: f64,
+    pub known_scale_sigma: f64,
     pub known_turn_rad: f64,
     pub turn_ratio: f64,
     pub telling_turn_rad: f64,
@@ -112,6 +116,8 @@ impl Default for Params {
             steps_known: 1,
             known_every_sweeps: 16,
             known_keys: 200,
+            unknown_scale_sigma: 0.1,
+            known_scale_sigma: 0.01,
             known_turn_rad: std::f64::consts::TAU,
             turn_ratio: 1.05,
             telling_turn_rad: 1.0,
