@@ -27,7 +27,7 @@ use super::beam_model::WallObservation;
 /// | `error_sigmas` | 3.5 | sigma | by hand, below the monitor's `max_error_m` up to 0.042 m | as `max_error_m` |
 /// | `stray_sigmas` | 4.0 | sigma | by hand: one reading in 16 000 is farther off | too small: noisy walls double; too large: steps in walls are missed |
 /// | `shared_sigmas` | 0.4 | sigma | as `model_sigma_m` at 0.02 m | too small: many noisy beams on one wall are taken for sure, NEES above 20 at 0.05 m; too large: the pose follows the wheels |
-/// | `shape_sigmas` | 0.6 | sigma | median NEES of random homes, 16 sensors, seeds 1-12: 4.0 without, and of the flat 1.0 | too small: walls that are not straight make the stated position too sure; too large: it says less than is known |
+/// | `shape_sigmas` | 2.0 | sigma | median NEES of random homes, seeds 1-12: 2.3 with 0.6, 0.7 with 2; of the flat 1.0 with 0.6 | too small: walls that are not straight make the stated position too sure; too large: it says less than is known |
 /// | `usual_m` | 0.02 | m | the noise of the simulator's sensors, for which the other constants were chosen | a new wall's offset is taken for too sure or too unsure |
 #[expect(missing_docs, reason = "the table describes each field")]
 #[derive(Clone, Copy, Debug, PartialEq)]
