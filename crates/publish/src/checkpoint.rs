@@ -51,7 +51,7 @@ impl Outputs {
             raster: state.raster.clone(),
             ring: state.ring.clone(),
             states: state.states.to_vec(),
-            sketch: self.sketch.clone(),
+            sketch: self.sketch_of(state),
             doubts: summary.doubtful,
             robot_name: state.config.robot.name.clone(),
             config_toml: state.config.to_toml(),

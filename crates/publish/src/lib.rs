@@ -31,8 +31,8 @@ use folder::ResultFolder;
 use localization_log::LockLog;
 use map_file::map_files;
 use slamd_core::{
-    Calibration, Config, Counters, EncoderState, Estimate, Event, LocalizationChange, Pose2, Raster, Ring, SensorState,
-    Timestamp, Waiting, Wheel,
+    Calibration, Config, Counters, EncoderState, Estimate, Event, LocalizationChange, Method, Pose2, Raster, Ring,
+    SensorState, Timestamp, Waiting, Wheel,
 };
 use slamd_metrics::{AccuracyMeter, FaultMeter, TrueFault};
 use std::io;
@@ -233,6 +233,7 @@ impl Outputs {
     /// # Errors
     /// When a file cannot be written. Then the folder is as it was at the last checkpoint.
     pub fn finish(mut self, state: &FinalState<'_>) -> Result<Summary, WriteError> {
+        self.sketch = self.sketch_of(state);
         let mut summary = self.summary(state);
         let path = self.folder.path().to_owned();
         // Free space alone is no map: the files must not look like one.
@@ -278,6 +279,12 @@ impl Outputs {
             file.name()?;
         }
         Ok(summary)
+    }
+
+    /// The path so far, with a bound of its error where the method tells one.
+    fn sketch_of(&self, state: &FinalState<'_>) -> Sketch {
+        let sketch = self.sketch.clone();
+        if state.config.method == Method::Paper { sketch.without_bound() } else { sketch }
     }
 
     /// All of the summary but the hashes and the area of the map.

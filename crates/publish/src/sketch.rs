@@ -18,6 +18,8 @@ pub struct Sketch {
     within_m: Option<(f64, bool)>,
     /// The greatest bound of certain poses before it.
     greatest_within_m: f64,
+    /// Nothing is said of the position's error.
+    is_unbounded: bool,
     /// The intervals whose poses were uncertain, in order.
     uncertain: Vec<(Timestamp, Timestamp)>,
     /// Since when poses are uncertain, while they are.
@@ -147,7 +149,13 @@ impl Sketch {
     /// without a certain pose.
     #[must_use]
     pub fn within_m(&self) -> Option<[f64; 2]> {
-        Some(self.within()).filter(|[_, greatest_m]| *greatest_m > 0.0)
+        Some(self.within()).filter(|[_, greatest_m]| *greatest_m > 0.0 && !self.is_unbounded)
+    }
+
+    /// The poses are those of a method whose covariance says little of their error: the published one is lost without a word.
+    pub(super) const fn without_bound(mut self) -> Self {
+        self.is_unbounded = true;
+        self
     }
 
     /// Forgets the path in a discarded map; poses that are uncertain now are so from here on.

@@ -26,7 +26,7 @@ pub struct Drive {
 }
 
 /// What a reader has found, besides the rows.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Found {
     /// How the notes of the capture begin, for example `the ring CSV`.
     pub(super) kind: &'static str,

@@ -42,7 +42,7 @@ impl Drawn {
         let between = |ends: &[Pixel]| {
             let [from, to] = [ends.first(), ends.last()].map(|end| end.copied().unwrap_or_default());
             let (dx, dy) = (to.0 - from.0, to.1 - from.1);
-            let parts = (dx.hypot(dy) / PATH_STEP_PX).ceil().clamp(1.0, 1_000.0);
+            let parts = (libm::hypot(dx, dy) / PATH_STEP_PX).ceil().clamp(1.0, 1_000.0);
             (0..1_000u32)
                 .map(f64::from)
                 .take_while(move |part| *part <= parts)

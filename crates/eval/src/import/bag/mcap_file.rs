@@ -20,8 +20,9 @@ pub(super) struct Losses {
 
 #[derive(Debug)]
 struct Hole {
-    /// Where in the file it begins, bytes.
+    /// Where in the file it begins, bytes, and how many messages precede it.
     at: usize,
+    messages: u64,
     what: String,
     /// Times of the messages before and behind it, nanoseconds.
     after_ns: Option<u64>,
@@ -206,7 +207,12 @@ fn seek_chunk(bytes: &[u8], from: usize) -> Option<usize> {
 impl Losses {
     fn hole(&mut self, at: usize, what: &str) {
         let after_ns = self.times_ns.map(|(_, last)| last);
-        self.holes.push(Hole { at, what: what.into(), after_ns, before_ns: None });
+        self.holes.push(Hole { at, messages: self.messages, what: what.into(), after_ns, before_ns: None });
+    }
+
+    /// How many messages precede the first hole.
+    pub(super) fn before_first(&self) -> Option<u64> {
+        self.holes.first().map(|hole| hole.messages)
     }
 
     fn see(&mut self, record: &Record<'_>) {

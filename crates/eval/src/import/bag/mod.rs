@@ -98,7 +98,25 @@ pub fn read(path: &Path, config: &Config, options: &Options) -> Result<Drive, Im
         rows.push(row);
     }
     sequence::sort(&mut rows);
-    Drive::new(merged(rows), found, &file, config, options)
+    let drive = |rows, found| Drive::new(merged(rows), found, &file, config, options);
+    let Some(last) = bag.torn_after else { return drive(rows, found) };
+    drive_of_torn(rows, found, last, drive)
+}
+
+/// The drive of a bag with a gap after message `last`. Where nobody knows how far the wheels turned in what is lost, it ends before the gap.
+fn drive_of_torn(
+    rows: Vec<Row>,
+    found: Found,
+    last: usize,
+    drive: impl Fn(Vec<Row>, Found) -> Result<Drive, ImportError>,
+) -> Result<Drive, ImportError> {
+    let before: Vec<Row> = rows.iter().filter(|row| row.line <= last).cloned().collect();
+    let mut only = found.clone();
+    only.remarks.push("only what was recorded before the damage is used: the wheels turned in what is lost".into());
+    match drive(rows, found) {
+        Err(ImportError::Line { .. }) if !before.is_empty() => drive(before, only),
+        drive => drive,
+    }
 }
 
 /// Speeds of both wheels, summed up to angles.

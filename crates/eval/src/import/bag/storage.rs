@@ -31,6 +31,8 @@ pub(super) struct Bag {
     /// False if the end of a file is missing.
     pub(super) is_whole: bool,
     pub(super) remarks: Vec<String>,
+    /// The number of the last message before the first damage that has more behind it.
+    pub(super) torn_after: Option<usize>,
     /// How many messages are not of their type, and the first of them in words.
     unread: Option<(u64, String)>,
     /// The name of the file in a folder, for remarks; empty where the bag is a file.
@@ -108,7 +110,7 @@ impl Bag {
     }
 
     fn mcap(&mut self, bytes: &[u8], path: &Path) -> Result<(), ImportError> {
-        let (mut schemas, mut channels) = (BTreeMap::new(), BTreeMap::new());
+        let (mut schemas, mut channels, first) = (BTreeMap::new(), BTreeMap::new(), self.messages);
         let take = |record: Record<'_>| {
             match record {
                 Record::Header(header) if header.profile == "slamd" => {
@@ -139,6 +141,8 @@ impl Bag {
             );
             problem(path, &text)
         })?;
+        let whole = losses.before_first().and_then(|count| usize::try_from(count).ok());
+        self.torn_after = self.torn_after.or_else(|| whole.map(|count| first + count));
         self.lose(losses.sentences());
         Ok(())
     }
