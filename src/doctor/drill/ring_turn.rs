@@ -30,7 +30,7 @@ const MAX_DEG: i32 = 45;
 /// The wheels may count a turn of another size: supposed factors.
 const GAINS: [f64; 9] = [0.75, 0.8, 0.87, 0.93, 1.0, 1.07, 1.15, 1.23, 1.3];
 /// The best cost must be below this, metres, and below this share of that of a ring that is not turned.
-const MAX_COST_M: f64 = 0.07;
+const MAX_COST_M: f64 = 0.055;
 const MAX_COST_RATIO: f64 = 0.9;
 
 /// A reading of the turn: heading by the wheels, the sensor's bearing, half its cone, its distance from the axle, and the range.
