@@ -68,7 +68,8 @@ fn main() {
             kill::run(&options);
         }
         Task::DeadMan(options) => {
-            build_slamd();
+            // One build for both.
+            build_slamd_with(&["--features", "mqtt"]);
             dead_man::run(&options);
         }
         Task::Strangers(options) => {

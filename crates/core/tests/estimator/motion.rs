@@ -66,8 +66,10 @@ fn a_state_or_a_speed_that_cannot_be_is_counted_and_named() {
         encode_frame(kind::MOTION, 0, &payload).to_vec()
     });
     let events = events(&mut pipeline, &frames);
-    let texts: Vec<&str> =
-        events.iter().filter_map(|event| if let Event::BoardTrouble { text, .. } = event { Some(&**text) } else { None }).collect();
+    let texts: Vec<&str> = events
+        .iter()
+        .filter_map(|event| if let Event::BoardTrouble { text, .. } = event { Some(&**text) } else { None })
+        .collect();
     assert!(texts.len() == 2 && texts[0].contains("state of MOTION is 7") && texts[1].contains("is 2001"), "{texts:?}");
     assert_eq!((pipeline.counters().refused, pipeline.motion().is_none()), (2, true));
 }
