@@ -200,8 +200,7 @@ pub async fn run(
         log_changes(link);
         log_statistics(session, &mut statistics);
         observe(link, Some(session));
-        let deadline = steering.as_ref().and_then(Steering::deadline).into_iter().fold(live.deadline(), Ord::min);
-        let wait = Duration::from_micros(deadline.us().saturating_sub(now().us()));
+        let wait = wait(now(), live.deadline(), steering.as_ref());
         let wake = tokio::select! {
             traffic = port.traffic(live.outgoing()) => Wake::Traffic(traffic),
             () = tokio::time::sleep(wait) => Wake::Deadline,
@@ -226,20 +225,12 @@ pub async fn run(
             }
             Wake::Order => None,
             Wake::End => {
-                if let Some(stop) = steering.as_mut().and_then(Steering::end) {
-                    live.command(stop);
-                    let _ = tokio::time::timeout(LAST_WRITE, flush(&mut port, &mut live, recorder, now)).await;
-                }
-                return;
+                let stop = steering.as_mut().and_then(Steering::end);
+                return flush(stop, &mut port, &mut live, recorder, now).await;
             }
         };
         record(recorder, chunk);
-        if let Some(steering) = &mut steering {
-            let at = now();
-            let (link, session) = live.parts();
-            let conditions = Conditions::of(link, session);
-            steering.turn(at, &conditions).into_iter().for_each(|frame| live.command(frame));
-        }
+        steering.iter_mut().for_each(|steering| steer(steering, &mut live, now()));
         if let Some(saver) = saver {
             let (_, session) = live.parts();
             saver.tick(session.now(), || session.saved_state());
@@ -260,8 +251,7 @@ pub async fn run(
             let (link, session) = live.parts();
             let mut look = |link: &Link| {
                 observe(link, Some(session));
-                // Orders are refused, not kept for a port that returns.
-                steering.iter_mut().for_each(|steering| drop(steering.turn(now(), &Conditions::default())));
+                steering.iter_mut().for_each(|steering| steering.refuse(now()));
             };
             let Ok(Some(found)) = search(options, link, now, shutdown, &mut look).await else {
                 return;
@@ -283,21 +273,40 @@ async fn ordered(steering: Option<&Steering>) {
     }
 }
 
-/// Writes what waits.
+/// How long to sleep until the first of the deadlines.
+fn wait(now: Timestamp, deadline: Timestamp, steering: Option<&Steering>) -> Duration {
+    let first = steering.and_then(Steering::deadline).into_iter().fold(deadline, Ord::min);
+    Duration::from_micros(first.us().saturating_sub(now.us()))
+}
+
+/// Answers the orders, and queues the command that is due.
+fn steer(steering: &mut Steering, live: &mut LiveSession<'_>, at: Timestamp) {
+    let (link, session) = live.parts();
+    let conditions = Conditions::of(link, session);
+    steering.turn(at, &conditions).into_iter().for_each(|frame| live.command(frame));
+}
+
+/// Writes the frame that stops the robot, if there is one, and what waits before it.
 async fn flush(
+    stop: Option<Bytes>,
     port: &mut OpenPort,
     live: &mut LiveSession<'_>,
     recorder: &mut Option<Recorder>,
     now: impl Fn() -> Timestamp,
 ) {
-    while live.outgoing().is_some() {
-        let chunk = match port.traffic(live.outgoing()).await {
-            Ok(Traffic::Read(_, bytes)) => live.read(now(), bytes),
-            Ok(Traffic::Wrote(count)) => live.wrote(now(), count),
-            Err(_) => return,
-        };
-        record(recorder, Some(chunk));
-    }
+    let Some(stop) = stop else { return };
+    live.command(stop);
+    let written = async {
+        while live.outgoing().is_some() {
+            let chunk = match port.traffic(live.outgoing()).await {
+                Ok(Traffic::Read(_, bytes)) => live.read(now(), bytes),
+                Ok(Traffic::Wrote(count)) => live.wrote(now(), count),
+                Err(_) => return,
+            };
+            record(recorder, Some(chunk));
+        }
+    };
+    let _ = tokio::time::timeout(LAST_WRITE, written).await;
 }
 
 fn record(recorder: &mut Option<Recorder>, chunk: Option<Chunk>) {

@@ -1,18 +1,19 @@
 //! A client's connection: passes bytes and times to its [`Client`] and writes its lines.
 
 use super::client::{Client, End, Pending};
+use super::helmsman::Helmsman;
 use super::report::Report;
 use super::right::Right;
 use super::server::{Counted, Place, ServerState, TOO_MANY};
 use super::token::Token;
-use crate::drive::{Answer, Desk, Driver, Order};
+use crate::drive::Answer;
+use slamd_core::Timestamp;
 use std::io;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _};
-use tokio::sync::oneshot;
 use tokio::time::{sleep_until, timeout};
 
 /// Before a connection is closed, unread input is discarded, for so long and so many bytes. With unread input, closing would reset the connection
@@ -44,7 +45,6 @@ pub(super) async fn serve<S>(
     let (mut reader, mut writer) = tokio::io::split(stream);
     let mut client = Client::with_right(state.now(), token, right);
     let mut helmsman = Helmsman::new(state.desk());
-    let mut answer: Option<oneshot::Receiver<Answer>> = None;
     let (mut snapshots, mut maps) = (state.snapshot.subscribe(), state.map.subscribe());
     let mut watching = Watching { state: Rc::clone(&state), is_on: false };
     let (mut asked, mut reads, mut is_logged, mut chunk) = (Pending::default(), true, false, [0; CHUNK]);
@@ -65,27 +65,16 @@ pub(super) async fn serve<S>(
         if client.is_over(now) {
             break;
         }
-        if client.pending().map
-            && let Some(map) = state.fresh_map(now)
-        {
-            client.map(now, map.as_ref());
-        }
         if let Some((order, source)) = client.take_order() {
-            answer = helmsman.hand_in(order, source);
+            helmsman.hand_in(order, source);
         }
-        let asks = client.pending();
-        if asks.snapshot && !asked.snapshot {
-            state.mailbox.ask();
-        }
-        if asks.map && !asked.map {
-            state.mailbox.ask_map();
-        }
-        asked = asks;
+        ask(&state, &mut client, &mut asked, now);
+        let helmsman_waits = helmsman.waits();
         let deadline = state.begin + Duration::from_micros(client.deadline().us());
         let wake = tokio::select! {
-            read = reader.read(&mut chunk), if reads && answer.is_none() => Wake::Read(read),
+            read = reader.read(&mut chunk), if reads && !helmsman_waits => Wake::Read(read),
             written = writer.write(client.outgoing()), if !client.outgoing().is_empty() => Wake::Wrote(written),
-            answered = answered(&mut answer), if answer.is_some() => Wake::Answer(answered),
+            answered = helmsman.answered(), if helmsman_waits => Wake::Answer(answered),
             _ = snapshots.changed() => Wake::Snapshot,
             _ = maps.changed() => Wake::Map,
             () = sleep_until(deadline.into()) => Wake::Time,
@@ -113,8 +102,7 @@ pub(super) async fn serve<S>(
                 asked.map = false;
             }
             Wake::Answer(answered) => {
-                answer = None;
-                // The session has ended.
+                // Without an answer the session has ended.
                 let Some(answered) = answered else { return };
                 client.answered(now, &answered);
             }
@@ -126,37 +114,21 @@ pub(super) async fn serve<S>(
     close(&mut reader, &mut writer).await;
 }
 
-async fn answered(answer: &mut Option<oneshot::Receiver<Answer>>) -> Option<Answer> {
-    match answer {
-        Some(answer) => answer.await.ok(),
-        None => std::future::pending().await,
+/// Asks the session for what the client's requests need.
+fn ask(state: &ServerState, client: &mut Client, asked: &mut Pending, now: Timestamp) {
+    if client.pending().map
+        && let Some(map) = state.fresh_map(now)
+    {
+        client.map(now, map.as_ref());
     }
-}
-
-/// A client's place at the desk; the robot that it drives stops when this is dropped, however the connection ends.
-struct Helmsman {
-    desk: Option<Arc<Desk>>,
-    driver: Option<Driver>,
-}
-
-impl Helmsman {
-    fn new(desk: Option<Arc<Desk>>) -> Self {
-        Self { desk, driver: None }
+    let asks = client.pending();
+    if asks.snapshot && !asked.snapshot {
+        state.mailbox.ask();
     }
-
-    fn hand_in(&mut self, order: Order, source: u8) -> Option<oneshot::Receiver<Answer>> {
-        let desk = self.desk.as_ref()?;
-        let driver = *self.driver.get_or_insert_with(|| desk.driver(source));
-        Some(desk.hand_in(driver, order))
+    if asks.map && !asked.map {
+        state.mailbox.ask_map();
     }
-}
-
-impl Drop for Helmsman {
-    fn drop(&mut self) {
-        if let (Some(desk), Some(driver)) = (&self.desk, self.driver) {
-            let _ = desk.hand_in(driver, Order::Leave);
-        }
-    }
+    *asked = asks;
 }
 
 /// Sends the reason to a client that is refused.

@@ -8,6 +8,7 @@
 
 mod client;
 mod connection;
+mod helmsman;
 mod http;
 mod listener;
 mod mailbox;

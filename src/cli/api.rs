@@ -57,12 +57,11 @@ impl ApiArgs {
             file.as_deref().map(Token::read).transpose().map_err(|error| failure(error.to_string()))
         };
         let tokens = [read(&self.token_file)?, read(&self.drive_token_file)?];
-        if let ([Some(reads), Some(drives)], Some(path)) = (tokens, &self.drive_token_file) {
-            if reads == drives {
-                let text =
-                    format!("{}: it is the token of --token-file, too: who may read would drive", path.display());
-                return Err(failure(text));
-            }
+        if let ([Some(reads), Some(drives)], Some(path)) = (tokens, &self.drive_token_file)
+            && reads == drives
+        {
+            let text = format!("{}: it is the token of --token-file, too: who may read would drive", path.display());
+            return Err(failure(text));
         }
         Ok(tokens)
     }

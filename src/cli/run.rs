@@ -2,9 +2,9 @@
 
 use super::state_args::StateArgs;
 use super::{Failure, Kind, OutputArgs, failure, outputs, terminal};
-use crate::api::Tap;
+use crate::api::{Server, Tap};
 use crate::daemon::{self, Live, Observer, Options, SessionClock, Shutdown};
-use crate::drive::{Conditions, Steering};
+use crate::drive::Steering;
 use crate::port::PortName;
 use crate::priority;
 use crate::recorder::{DiskHealth, Losses, Recorder};
@@ -14,6 +14,7 @@ use crate::source::session::Session;
 use clap::Args;
 use slamd_capture::CaptureInfo;
 use slamd_core::{Config, FaultEvent, Timestamp, link::Link};
+use slamd_files::OutputGuard;
 use slamd_publish::{Outputs, Source, Summary};
 use std::sync::Arc;
 use std::time::Duration;
@@ -139,6 +140,27 @@ impl LiveArgs {
         self.viewer.off_by_default();
     }
 
+    /// Serves other programs, and lets them drive with `--drive`.
+    fn serve(
+        &self,
+        guard: &OutputGuard,
+        health: &Arc<DiskHealth>,
+        config: &Config,
+    ) -> Result<(Option<Server>, Option<Steering>), Failure> {
+        let desk = self.api.desk()?;
+        let server = self.api.begin(guard, health, desk.as_ref())?;
+        Ok((server, desk.map(|desk| Steering::new(config, desk))))
+    }
+
+    /// Raises the priority of this thread. Those of recorder and viewers exist already and keep theirs.
+    fn prioritize(&self) {
+        if self.realtime
+            && let Err(error) = priority::real_time()
+        {
+            tracing::warn!("{error}");
+        }
+    }
+
     /// Runs a live session to its end; none if it ended before the port was found.
     pub(super) fn drive(
         &self,
@@ -155,9 +177,7 @@ impl LiveArgs {
         Outputs::check(output.out(), &saves.guard)?;
         let options = Options { port, baud: self.baud, exit_on_hangup: self.exit_on_hangup };
         let health = Arc::<DiskHealth>::default();
-        let desk = self.api.desk()?;
-        let server = self.api.begin(&saves.guard, &health, desk.as_ref())?;
-        let mut steering = desk.map(|desk| Steering::new(&config, desk));
+        let (server, mut steering) = self.serve(&saves.guard, &health, &config)?;
         let mut taps: Vec<Tap> = server.iter().map(|server| server.tap(&config.robot.name)).collect();
         // Lives until the map has been written.
         #[cfg(feature = "mqtt")]
@@ -170,8 +190,7 @@ impl LiveArgs {
         let mut look = |link: &Link| {
             taps.iter_mut().for_each(|tap| tap.look(link, None));
             service.iter_mut().for_each(|service| service.look(link, None));
-            // Orders are refused, not kept for a port that comes.
-            steering.iter_mut().for_each(|steering| drop(steering.turn(Timestamp::default(), &Conditions::default())));
+            steering.iter_mut().for_each(|steering| steering.refuse(Timestamp::default()));
             observe(link, None);
         };
         // From here on there is something to end in order.
@@ -193,12 +212,7 @@ impl LiveArgs {
         let watched = self.viewer.begin(&config.robot.name, info.unix_zero_us, &saves.guard)?;
         #[cfg(feature = "viewer")]
         watched.watch(&mut session);
-        // The threads of recorder and viewers exist already and keep their normal priority.
-        if self.realtime
-            && let Err(error) = priority::real_time()
-        {
-            tracing::warn!("{error}");
-        }
+        self.prioritize();
         let live = Live {
             clock,
             session: &mut session,

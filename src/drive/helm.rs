@@ -83,7 +83,7 @@ impl Helm {
                 }
                 self.holder = Some((driver, at + self.lease));
                 self.ordered = Some((wish, at + Duration::from_millis(wish.for_ms.into())));
-                self.moving.get_or_insert((Twist::default(), at));
+                self.moving.get_or_insert_with(|| (Twist::default(), at));
                 Ok(Granted { twist: wish.twist, for_ms: wish.for_ms, motors })
             }
             Order::Stop => {

@@ -59,6 +59,11 @@ impl Steering {
         self.helm.tick(at, conditions)
     }
 
+    /// Refuses the orders: there is no open port, and none is kept for one that comes.
+    pub fn refuse(&mut self, at: Timestamp) {
+        let _ = self.turn(at, &Conditions::default());
+    }
+
     /// The frame that stops the robot; none where it stands.
     pub fn end(&mut self) -> Option<Bytes> {
         self.helm.end()

@@ -70,8 +70,9 @@ fn main() {
     let Arguments { task, as_built } = Arguments::parse();
     match &task {
         _ if as_built => {}
-        Task::Kill(_) | Task::Replug(_) | Task::Soak(_) | Task::DeadMan(_) | Task::Reliability(_) => build_slamd(),
-        Task::Strangers(_) => build_slamd_with(&["--features", "mqtt"]),
+        Task::Kill(_) | Task::Replug(_) | Task::Soak(_) | Task::Reliability(_) => build_slamd(),
+        // One build for both.
+        Task::DeadMan(_) | Task::Strangers(_) => build_slamd_with(&["--features", "mqtt"]),
         _ => {}
     }
     match task {

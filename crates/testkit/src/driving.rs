@@ -51,6 +51,7 @@ impl Owner {
     ///
     /// # Panics
     /// When that is refused.
+    #[expect(clippy::disallowed_methods, reason = "keys are held in real time")]
     pub fn turns(&mut self, span: Duration) {
         for _ in 0..200 {
             let answer = self.turn();

@@ -142,7 +142,13 @@ impl ModelCheck {
 
     /// True once the believed robot has fitted for some metres and turns.
     pub(super) fn is_known(&self) -> bool {
-        self.fitting_keys >= self.params.known_keys && self.fitting_rad >= self.params.known_turn_rad
+        self.known_share() >= 1.0
+    }
+
+    /// The part of those metres and turns for which it has fitted.
+    pub(super) fn known_share(&self) -> f64 {
+        let (keys, rad) = (self.params.known_keys as f64, self.params.known_turn_rad);
+        (self.fitting_keys as f64 / keys).min(self.fitting_rad / rad).min(1.0)
     }
 
     /// Adds the evidence of a round.
@@ -171,11 +177,10 @@ impl ModelCheck {
     /// Lays out returns that the suspect was not found with.
     fn confirm(&mut self, believed: &RobotModel, suspect: RobotModel, found_log_ratio: f64) -> Verdict {
         let (log_ratio, refined) = self.refine(suspect, believed, FINE_STEPS);
-        let min_log_ratio = (self.params.confirm_share * found_log_ratio).max(libm::log(self.params.fits_ratio));
-        let is_same = refined.distance(&suspect) < self.params.same_model;
-        let is_full = self.window.is_full();
-        // A full window of other returns need not show as much as the ones that raised the suspicion.
         let fits = libm::log(self.params.fits_ratio);
+        let min_log_ratio = (self.params.confirm_share * found_log_ratio).max(fits);
+        let (is_same, is_full) = (refined.distance(&suspect) < self.params.same_model, self.window.is_full());
+        // A full window of other returns need not show as much as the ones that raised the suspicion.
         if is_same && log_ratio > if is_full { fits } else { min_log_ratio } {
             let must_decide = self.confirming_keys >= self.params.decide_keys;
             let Some(found) = self.simplest(refined, believed, must_decide) else { return Verdict::Open };

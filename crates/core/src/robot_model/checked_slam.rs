@@ -139,8 +139,8 @@ impl CheckedSlam {
     /// States the error of the robot's scale with each new pose: a map that is a tenth too large is wrong by a tenth of the distance from
     /// its origin.
     fn state_scale(&self, estimate: &mut Estimate) {
-        let params = &self.params.robot_model;
-        let sigma = if self.check.is_known() { params.known_scale_sigma } else { params.unknown_scale_sigma };
+        let (params, known) = (&self.params.robot_model, self.check.known_share());
+        let sigma = params.unknown_scale_sigma * (1.0 - known) + params.known_scale_sigma * known;
         let variance_m2 = (sigma * estimate.pose.position().coords.norm()).powi(2);
         estimate.covariance[(0, 0)] += variance_m2;
         estimate.covariance[(1, 1)] += variance_m2;

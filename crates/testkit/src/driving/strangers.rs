@@ -10,7 +10,7 @@ use slamd_sim::random::{Random, Stream};
 use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
 use std::os::unix::fs::PermissionsExt as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 
@@ -82,6 +82,50 @@ fn private(path: &Path, text: &str) {
     std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o600)).unwrap();
 }
 
+/// Where they try.
+struct Doors {
+    lines_at: String,
+    pages_at: String,
+    broker: Mosquitto,
+    socket: PathBuf,
+}
+
+impl Doors {
+    /// One try, and what it was answered.
+    fn attempt(&self, number: u64, random: &mut Random) -> String {
+        let order = order(random);
+        match number % 8 {
+            0 => tell(&self.lines_at, format!("{order}\n").as_bytes()),
+            1 | 2 => tell(&self.lines_at, format!("?TOKEN=\"{READS}\";\n{order}\n").as_bytes()),
+            3 => tell(&self.lines_at, format!("?TOKEN=\"{}\";\n{order}\n", wrong(random)).as_bytes()),
+            4 => {
+                let begin = format!("?TOKEN=\"{READS}\";\n?TOKEN=\"{}\";\n", wrong(random));
+                tell(&self.lines_at, &[begin.as_bytes(), order.as_bytes(), b"\n"].concat())
+            }
+            5 => {
+                let begin = format!("?TOKEN=\"{READS}\";\n");
+                tell(&self.lines_at, &[begin.as_bytes(), &damaged(&order, random), b"\n"].concat())
+            }
+            6 => {
+                let at = if number % 16 == 6 { &self.lines_at } else { &self.pages_at };
+                let head = format!("POST / HTTP/1.1\r\nHost: {at}\r\nAuthorization: Bearer {READS}\r\n\r\n{order}\n");
+                tell(at, head.as_bytes())
+            }
+            // A program per message is slow: some stand for all.
+            _ if number % 80 == 7 => {
+                let topic = ["set", "cmd", "drive", "command", "drive/set"][random.below(5)];
+                let topic = format!("slamd/robot/{topic}");
+                let port = self.broker.port().to_string();
+                let mut publish = Command::new("mosquitto_pub");
+                publish.args(["-h", "127.0.0.1", "-p", &port, "-t", &topic, "-m", &order]);
+                assert!(publish.status().expect("Debian's package mosquitto-clients").success());
+                String::new()
+            }
+            _ => malformed(&self.socket, number),
+        }
+    }
+}
+
 /// Makes `tries` tries, drawn from the seed.
 ///
 /// # Panics
@@ -118,38 +162,9 @@ pub fn strangers(tries: u64, seed: u64, mut progress: impl FnMut()) -> Strangers
     served.daemon.expect("link: streaming", SOON);
     let mut random = Random::new(seed, Stream::Fault);
     let mut refused = 0;
+    let doors = Doors { lines_at, pages_at, broker, socket: served.folder.path().join("api.sock") };
     for number in 0..tries {
-        let order = order(&mut random);
-        let answer = match number % 8 {
-            0 => tell(&lines_at, format!("{order}\n").as_bytes()),
-            1 | 2 => tell(&lines_at, format!("?TOKEN=\"{READS}\";\n{order}\n").as_bytes()),
-            3 => tell(&lines_at, format!("?TOKEN=\"{}\";\n{order}\n", wrong(&mut random)).as_bytes()),
-            4 => {
-                let begin = format!("?TOKEN=\"{READS}\";\n?TOKEN=\"{}\";\n", wrong(&mut random));
-                tell(&lines_at, &[begin.as_bytes(), order.as_bytes(), b"\n"].concat())
-            }
-            5 => {
-                let begin = format!("?TOKEN=\"{READS}\";\n");
-                tell(&lines_at, &[begin.as_bytes(), &damaged(&order, &mut random), b"\n"].concat())
-            }
-            6 => {
-                let at = if number % 16 == 6 { &lines_at } else { &pages_at };
-                let head = format!("POST / HTTP/1.1\r\nHost: {at}\r\nAuthorization: Bearer {READS}\r\n\r\n{order}\n");
-                tell(at, head.as_bytes())
-            }
-            // A program per message is slow: some stand for all.
-            _ if number % 80 == 7 => {
-                let topic = ["set", "cmd", "drive", "command", "drive/set"][random.below(5)];
-                let topic = format!("slamd/robot/{topic}");
-                let port = broker.port().to_string();
-                let mut publish = Command::new("mosquitto_pub");
-                publish.args(["-h", "127.0.0.1", "-p", &port, "-t", &topic, "-m", &order]);
-                assert!(publish.status().expect("Debian's package mosquitto-clients").success());
-                String::new()
-            }
-            _ => malformed(&served.folder.path().join("api.sock"), number),
-        };
-        refused += u64::from(answer.contains("\"ERROR\""));
+        refused += u64::from(doors.attempt(number, &mut random).contains("\"ERROR\""));
         progress();
     }
     let peak_m_s = plugged.peak_m_s();
