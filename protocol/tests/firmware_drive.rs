@@ -61,7 +61,7 @@ fn encoders(messages: &[Message]) -> Vec<Encoder> {
 fn last_turn_us(messages: &[Message]) -> u32 {
     let encoders = encoders(messages);
     let counts = |encoder: &Encoder| (encoder.left_ticks, encoder.right_ticks);
-    encoders.windows(2).filter(|w| counts(&w[0]) != counts(&w[1])).map(|w| w[1].t_us).last().unwrap_or(0)
+    encoders.windows(2).rfind(|w| counts(&w[0]) != counts(&w[1])).map_or(0, |w| w[1].t_us)
 }
 
 fn results(messages: &[Message]) -> Vec<AckResult> {

@@ -56,6 +56,7 @@ fn hashes(folder: &Path) -> Vec<String> {
 }
 
 #[test]
+#[expect(clippy::disallowed_methods, reason = "the robot drives in real time")]
 fn a_driven_session_holds_each_command_and_its_source_and_replays_bit_for_bit() {
     let (served, plugged) = streaming(&["--socket", "api.sock", "--drive", "--record", "drive.mcap"]);
     let mut owner = socket(&served);

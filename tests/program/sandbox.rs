@@ -130,6 +130,7 @@ fn first_line(mut stream: impl std::io::Read) -> String {
 }
 
 #[test]
+#[expect(clippy::disallowed_methods, reason = "the service records for some seconds")]
 fn the_service_works_inside_its_sandbox() {
     if hindrance().is_some() {
         return;
@@ -149,7 +150,7 @@ fn the_service_works_inside_its_sandbox() {
     assert_eq!(field("CapBnd"), "0000000000000000");
     assert_eq!(field("Umask"), unit.value("UMask").unwrap());
     assert_eq!(field("Seccomp"), "2", "the filter of system calls is in force");
-    assert!(field("Threads").parse::<u32>().unwrap() < unit.value("TasksMax").unwrap().parse().unwrap());
+    assert!(field("Threads").parse::<u32>().unwrap() < unit.value("TasksMax").unwrap().parse::<u32>().unwrap());
     let peak_mib = field("VmHWM").split(' ').next().unwrap().parse::<u64>().unwrap() >> 10;
     let limit: u64 = unit.value("MemoryMax").unwrap().trim_end_matches('M').parse().unwrap();
     assert!(peak_mib < limit / 2, "{peak_mib} of {limit} MiB");

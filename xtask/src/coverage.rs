@@ -50,8 +50,8 @@ struct Report {
 
 /// The number behind a word in libFuzzer's lines, of the last line that has it.
 fn number(said: &str, word: &str) -> u64 {
-    let lines = said.lines().filter_map(|line| line.split_once(word));
-    let digits = lines.last().map_or("", |(_, rest)| rest.trim_start());
+    let mut lines = said.lines().rev().filter_map(|line| line.split_once(word));
+    let digits = lines.next().map_or("", |(_, rest)| rest.trim_start());
     digits.split(|c: char| !c.is_ascii_digit()).next().unwrap_or_default().parse().unwrap_or_default()
 }
 

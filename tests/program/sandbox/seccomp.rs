@@ -88,6 +88,17 @@ fn families(unit: &Unit) -> Option<Vec<u32>> {
     unit.value("RestrictAddressFamilies").map(|names| names.split_whitespace().map(number).collect())
 }
 
+/// The calls that the unit allows by name; none where it does not say.
+fn allowed(unit: &Unit) -> BTreeSet<String> {
+    let mut allowed = BTreeSet::new();
+    for line in unit.values("SystemCallFilter") {
+        let (mut named, is_denied) = (BTreeSet::new(), line.starts_with('~'));
+        line.trim_start_matches('~').split_whitespace().for_each(|name| calls(name, &mut named));
+        allowed = if is_denied { &allowed - &named } else { &allowed | &named };
+    }
+    allowed
+}
+
 /// The filter, as bubblewrap reads it.
 pub(super) fn program(unit: &Unit) -> Vec<u8> {
     let mut program = Program { numbers: numbers(), steps: Vec::new() };
@@ -141,12 +152,7 @@ pub(super) fn program(unit: &Unit) -> Vec<u8> {
         ];
         program.judge("personality", &own);
     }
-    let mut allowed = BTreeSet::new();
-    for line in unit.values("SystemCallFilter") {
-        let (mut named, is_denied) = (BTreeSet::new(), line.starts_with('~'));
-        line.trim_start_matches('~').split_whitespace().for_each(|name| calls(name, &mut named));
-        allowed = if is_denied { &allowed - &named } else { &allowed | &named };
-    }
+    let allowed = allowed(unit);
     let mut other = ALLOW;
     if !allowed.is_empty() {
         let numbers: BTreeSet<u32> = allowed.iter().filter_map(|name| program.numbers.get(name).copied()).collect();

@@ -121,7 +121,7 @@ mod tests {
         }
 
         fn stands(&self) -> bool {
-            self.simulation.wheel_speeds_m_s() == [0.0; 2]
+            self.simulation.wheel_speeds_m_s().iter().all(|speed_m_s| speed_m_s.abs() < 1e-9)
         }
     }
 
