@@ -12,6 +12,7 @@ mod damage;
 mod foreign;
 mod lengths;
 mod reader;
+mod records;
 mod salvage;
 mod writer;
 
@@ -123,14 +124,6 @@ pub enum CaptureError {
         at_s: f64,
         /// The reason.
         reason: String,
-    },
-    /// The MCAP writer fails.
-    #[error("{}: {source}", path.display())]
-    Write {
-        /// The capture.
-        path: PathBuf,
-        /// The MCAP writer's error.
-        source: Box<mcap::McapError>,
     },
 }
 

@@ -1,3 +1,4 @@
+use super::records::MAX_INDEXED_CHUNKS;
 use super::*;
 use slamd_core::{Pose2, Timestamp};
 use std::fs;
@@ -75,6 +76,83 @@ fn other_mcap_readers_open_it() {
     let summary = mcap::Summary::read(&file).unwrap().unwrap();
     assert_eq!(summary.metadata_indexes[0].name, "slamd");
     assert_eq!(summary.chunk_indexes.len(), 1 + 4, "one chunk of channels, then 3 + 3 + 3 + 1 messages");
+}
+
+#[test]
+fn a_long_capture_is_read_without_an_index_and_keeps_no_memory_of_its_chunks() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("long.mcap");
+    // Each record closes the chunk of the one before; the first chunk holds the topics.
+    for (count, indexed) in [(MAX_INDEXED_CHUNKS - 1, MAX_INDEXED_CHUNKS), (MAX_INDEXED_CHUNKS, 0)] {
+        let all: Vec<Record> =
+            (0..count as u64).map(|i| Record::Received { at: us(i * 100_000), bytes: vec![1] }).collect();
+        write(&path, &all);
+        let file = fs::read(&path).unwrap();
+        let summary = mcap::Summary::read(&file).unwrap().unwrap();
+        assert_eq!(summary.chunk_indexes.len(), indexed);
+        let statistics = summary.stats.unwrap();
+        assert_eq!((statistics.message_count, u64::from(statistics.chunk_count)), (count as u64, count as u64 + 1));
+        let messages = mcap::MessageStream::new(&file).unwrap();
+        assert_eq!(messages.map(Result::unwrap).count(), count);
+        let (back, reader) = read(&path);
+        assert!(back == all && reader.damage().is_none(), "{:?}", reader.damage());
+    }
+}
+
+#[test]
+fn an_hour_more_takes_no_more_memory() {
+    let mut writer = CaptureWriter::begin(std::io::sink(), Path::new("sink"), &info()).unwrap();
+    let mut hour = |hour: u64| {
+        let mut at = (36_000 * hour..36_000 * (hour + 1)).map(|i| us(i * 100_000));
+        allocation_counter::measure(|| at.by_ref().for_each(|at| writer.received(at, &[7; 100]).unwrap())).bytes_current
+    };
+    hour(0);
+    let grown_bytes = hour(1);
+    assert!(grown_bytes < 1_024, "{grown_bytes}");
+}
+
+/// The records of a whole file, as another reader sees them, checksums checked.
+#[test]
+fn every_checksum_and_offset_of_the_file_is_right() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("whole.mcap");
+    write(&path, &records(100));
+    let file = fs::read(&path).unwrap();
+    let options = mcap::sans_io::LinearReaderOptions::default()
+        .with_validate_chunk_crcs(true)
+        .with_validate_data_section_crc(true)
+        .with_validate_summary_section_crc(true);
+    let mut reader = mcap::sans_io::LinearReader::new_with_options(options);
+    let (mut rest, mut messages) = (file.as_slice(), 0);
+    while let Some(event) = reader.next_event() {
+        match event.unwrap() {
+            mcap::sans_io::LinearReadEvent::ReadRequest(wanted) => {
+                let (now, later) = rest.split_at(wanted.min(rest.len()));
+                reader.insert(now.len()).copy_from_slice(now);
+                reader.notify_read(now.len());
+                rest = later;
+            }
+            mcap::sans_io::LinearReadEvent::Record { opcode, .. } => {
+                messages += usize::from(opcode == mcap::records::op::MESSAGE);
+            }
+        }
+    }
+    assert_eq!(messages, 100);
+    let summary = mcap::Summary::read(&file).unwrap().unwrap();
+    // The first has the topics alone.
+    let indexed: usize = summary
+        .chunk_indexes
+        .iter()
+        .skip(1)
+        .map(|chunk| {
+            let by_channel = summary.read_message_indexes(&file, chunk).unwrap();
+            let is_right = |entry: &&_| summary.seek_message(&file, chunk, entry).is_ok();
+            by_channel.values().flatten().filter(is_right).count()
+        })
+        .sum();
+    assert_eq!(indexed, 100);
+    let metadata = summary.metadata_indexes.iter().map(|index| mcap::read::metadata(&file, index).unwrap());
+    assert!(metadata.map(|metadata| metadata.name).eq(["slamd", "slamd"]));
 }
 
 #[test]

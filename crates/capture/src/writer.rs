@@ -3,14 +3,12 @@
 use super::{
     CaptureError, CaptureInfo, FLUSH_PERIOD, LIBRARY, RECEIVED_TOPIC, Record, SENT_TOPIC, TRUTH_TOPIC, TruthMessage,
 };
-use mcap::records::{MessageHeader, Metadata};
-use mcap::write::NoSeek;
-use mcap::{McapError, WriteOptions, Writer};
+use crate::records::McapFile;
+use mcap::records::Metadata;
 use slamd_core::{Pose2, Timestamp};
 use slamd_files::{Output, PartFile, WriteError, private};
-use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -18,10 +16,10 @@ use std::time::Duration;
 /// errors.
 ///
 /// Each chunk is collected in memory and written at once, so a killed recording ends at a chunk's end.
-/// The index of the chunks stays in memory until the end: about 8 MB per hour.
+/// Memory does not grow with the recording: a file of more than 6,000 chunks has no index of them.
 pub struct CaptureWriter<W: Write = BufWriter<File>> {
     path: PathBuf,
-    writer: Writer<NoSeek<W>>,
+    writer: McapFile<W>,
     channels: Channels,
     /// The description, until its copy is written.
     description: Option<Metadata>,
@@ -40,7 +38,8 @@ struct Channels {
 
 #[derive(Clone, Copy)]
 struct Channel {
-    id: u16,
+    /// From 0; its id is one more.
+    index: usize,
     messages: u32,
 }
 
@@ -60,7 +59,8 @@ impl CaptureWriter {
     /// When the file cannot be written.
     pub fn finish(mut self) -> Result<(), CaptureError> {
         self.end()?;
-        let file = self.writer.into_inner().into_inner().into_inner().map_err(std::io::IntoInnerError::into_error);
+        let Some(file) = self.writer.into_inner() else { return Ok(()) };
+        let file = file.into_inner().map_err(io::IntoInnerError::into_error);
         file.and_then(|file| file.sync_all()).map_err(|source| CaptureError::Io { path: self.path, source })
     }
 }
@@ -81,7 +81,8 @@ impl CaptureWriter<PartFile> {
     /// When the file cannot be written. Then nothing is left of it, and an older file of that name is unchanged.
     pub fn finish(mut self) -> Result<(), CaptureError> {
         self.end()?;
-        Ok(self.writer.into_inner().into_inner().finish().map(drop)?)
+        let Some(file) = self.writer.into_inner() else { return Ok(()) };
+        Ok(file.finish().map(drop)?)
     }
 }
 
@@ -189,7 +190,7 @@ impl<W: Write> CaptureWriter<W> {
     /// A copy of the description, so that damage at the head costs no more than the damaged bytes.
     fn describe_again(&mut self) -> Result<(), CaptureError> {
         let Some(description) = self.description.take() else { return Ok(()) };
-        self.writer.write_metadata(&description).map_err(|error| write_error(&self.path, error))
+        self.writer.metadata(&description.name, &description.metadata).map_err(|error| write_error(&self.path, error))
     }
 
     /// Writes the summary. A second call does nothing.
@@ -199,7 +200,7 @@ impl<W: Write> CaptureWriter<W> {
     pub fn end(&mut self) -> Result<(), CaptureError> {
         self.chunk_opened = None;
         self.describe_again()?;
-        self.writer.finish().map(drop).map_err(|error| write_error(&self.path, error))
+        self.writer.finish().map_err(|error| write_error(&self.path, error))
     }
 
     fn write(
@@ -217,10 +218,9 @@ impl<W: Write> CaptureWriter<W> {
         self.chunk_opened.get_or_insert(at);
         let channel = pick(&mut self.channels);
         let log_time = at.us().saturating_mul(1000);
-        let header =
-            MessageHeader { channel_id: channel.id, sequence: channel.messages, log_time, publish_time: log_time };
-        channel.messages = channel.messages.wrapping_add(1);
-        self.writer.write_to_known_channel(&header, bytes).map_err(|error| write_error(&self.path, error))
+        let Channel { index, messages } = *channel;
+        channel.messages = messages.wrapping_add(1);
+        self.writer.message(index, messages, log_time, bytes).map_err(|error| write_error(&self.path, error))
     }
 }
 
@@ -228,33 +228,21 @@ impl<W: Write> CaptureWriter<W> {
 const CHUNKS_BEFORE_COPY: u32 = 10;
 
 /// Writes and flushes metadata and channels first, so that a truncated file can be read.
-fn begin<W: Write>(to: W, info: &CaptureInfo) -> Result<(Writer<NoSeek<W>>, Channels), McapError> {
-    let options = WriteOptions::new()
-        .compression(None)
-        .disable_seeking(true)
-        .profile("slamd")
-        .library(format!("{LIBRARY}{}", info.slamd_version));
-    let mut writer = options.create(NoSeek::new(to))?;
-    writer.write_metadata(&info.to_metadata())?;
-    let none = BTreeMap::new();
-    let pose = writer.add_schema("slamd.Pose2", "jsonschema", TRUTH_SCHEMA.as_bytes())?;
-    let mut add = |schema, topic, encoding| -> Result<Channel, McapError> {
-        Ok(Channel { id: writer.add_channel(schema, topic, encoding, &none)?, messages: 0 })
-    };
-    let channels = Channels {
-        received: add(0, RECEIVED_TOPIC, "application/octet-stream")?,
-        sent: add(0, SENT_TOPIC, "application/octet-stream")?,
-        truth: add(pose, TRUTH_TOPIC, "json")?,
-    };
+fn begin<W: Write>(to: W, info: &CaptureInfo) -> io::Result<(McapFile<W>, Channels)> {
+    let mut writer = McapFile::begin(to, "slamd", &format!("{LIBRARY}{}", info.slamd_version))?;
+    let description = info.to_metadata();
+    writer.metadata(&description.name, &description.metadata)?;
+    writer.schema(1, "slamd.Pose2", "jsonschema", TRUTH_SCHEMA);
+    writer.channel(1, 0, RECEIVED_TOPIC, "application/octet-stream");
+    writer.channel(2, 0, SENT_TOPIC, "application/octet-stream");
+    writer.channel(3, 1, TRUTH_TOPIC, "json");
     writer.flush()?;
-    Ok((writer, channels))
+    let [received, sent, truth] = [0, 1, 2].map(|index| Channel { index, messages: 0 });
+    Ok((writer, Channels { received, sent, truth }))
 }
 
-fn write_error(path: &Path, error: McapError) -> CaptureError {
-    match error {
-        McapError::Io(source) => CaptureError::Io { path: path.into(), source },
-        other => CaptureError::Write { path: path.into(), source: Box::new(other) },
-    }
+fn write_error(path: &Path, source: io::Error) -> CaptureError {
+    CaptureError::Io { path: path.into(), source }
 }
 
 const TRUTH_SCHEMA: &str = r#"{

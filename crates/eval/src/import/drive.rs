@@ -75,6 +75,7 @@ impl Drive {
             .map_err(|problem| ImportError::Problem { file: file.into(), problem })?;
         remarks.extend(stamps.remarks);
         let filled = rows::fill_ticks(&mut rows, file)?;
+        check_duration(&rows, file)?;
         let ends = filler.map(|filler| rows::cycle_ends(&rows, filler));
         let max_range_m = config.ring.max_range_m;
         let nothing_from_m = clipped.as_ref().map_or(max_range_m, |(from_m, _)| from_m.min(max_range_m)) - ROUNDING_M;
@@ -152,7 +153,90 @@ impl Drive {
     }
 }
 
+/// A longer drive has a wrong stamp, seconds: 100 days. Pauses are filled with counts, one a minute, so a stamp far away would make the
+/// import and its capture as long as it likes.
+const MAX_DURATION_S: f64 = 8.64e6;
+
+/// # Errors
+/// If the rows are of more than [`MAX_DURATION_S`]. The longest pause is named.
+fn check_duration(rows: &[Row], file: &str) -> Result<(), ImportError> {
+    let times = || rows.iter().map(|row| row.t_s).filter(|t_s| !t_s.is_nan());
+    let (first_s, last_s) = (times().fold(f64::INFINITY, f64::min), times().fold(f64::NEG_INFINITY, f64::max));
+    if last_s - first_s <= MAX_DURATION_S || rows.len() < 2 {
+        return Ok(());
+    }
+    let pauses = rows.windows(2).filter_map(|pair| {
+        let (before, row) = (pair.first()?, pair.last()?);
+        Some((row.t_s - before.t_s, row))
+    });
+    let longest = pauses.max_by(|(one, _), (other, _)| one.total_cmp(other));
+    let (line, t_s, pause_s) = longest.map_or((0, last_s, 0.0), |(pause_s, row)| (row.line, row.t_s, pause_s));
+    let problem = format!(
+        "line {line}: the time {t_s} s is {pause_s} s after the row before, and the recording would last more than {:.0} days: \
+         correct that stamp, or split the recording",
+        MAX_DURATION_S / 86_400.0
+    );
+    Err(ImportError::Problem { file: file.into(), problem })
+}
+
 /// The speed of sound at the configured temperature, as the STATUS of the capture gives it.
 pub(super) fn sound_m_s(config: &Config) -> f64 {
     331.3 + 0.606 * config.ring.temperature_c
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::import::{carmen, ring};
+
+    const ROBOT: &str =
+        "[robot]\nticks_per_turn = 1440\n\n[ring.circle]\ncount = 1\nradius_m = 0.15\nhalf_angle_deg = 12.5\n";
+
+    fn config() -> Config {
+        Config::from_toml(ROBOT).unwrap()
+    }
+
+    fn carmen_error(text: &str) -> String {
+        carmen::read(text.as_bytes(), "a.log", &config(), &Options::default()).unwrap_err().to_string()
+    }
+
+    fn sonar(t_s: f64) -> String {
+        format!("SONAR 1 1.2 0 0 0 0 0 0 {t_s} host {t_s}\n")
+    }
+
+    /// Fuzzing found the first: its pause was filled with counts until the disk was full.
+    #[test]
+    fn a_stamp_far_away_is_refused_with_its_line() {
+        let error = carmen_error(&["ODOM 0 0 0 0 0 0 -1e308 host 0\n", &sonar(0.0)].concat());
+        assert!(error.starts_with("a.log: line 2: the time 0 s is 1000000"), "{error}");
+        assert!(error.contains("would last more than 100 days: correct that stamp"), "{error}");
+        // So large that a minute more is the same number.
+        let error = carmen_error(&[0.0, 1e18, 1e18 + 128.0].map(sonar).concat());
+        assert!(
+            error.starts_with("a.log: line 2: the time 1000000000000000000 s is 1000000000000000000 s "),
+            "{error}"
+        );
+        let error = carmen_error(&[0.0, 1e9, 2e9].map(sonar).concat());
+        assert!(error.starts_with("a.log: line "), "{error}");
+    }
+
+    #[test]
+    fn a_ring_csv_with_a_stamp_far_away_is_refused_too() {
+        for far_s in ["1e308", "1e18", "8640001"] {
+            let text = format!("t_s,left_ticks,right_ticks,r0\n0,0,0,1\n{far_s},0,0,1\n");
+            let read = ring::read(text.as_bytes(), "a.csv", &config(), &Options::default());
+            assert!(read.unwrap_err().to_string().starts_with("a.csv: line 3: "), "{far_s}");
+        }
+    }
+
+    #[test]
+    fn long_pauses_are_bridged_within_bounds() {
+        let folder = tempfile::tempdir().unwrap();
+        let text = [1e18, 1e18 + 3584.0].map(sonar).concat();
+        let drive = carmen::read(text.as_bytes(), "a.log", &config(), &Options::default()).unwrap();
+        let output = slamd_files::OutputGuard::new(true).output(&folder.path().join("a.mcap")).unwrap();
+        let summary = drive.write(output).unwrap();
+        assert_eq!((summary.rows, summary.encoder_rows), (2, 0));
+        assert!((summary.duration_s - 3584.0).abs() < 1e-6);
+    }
 }

@@ -178,12 +178,13 @@ impl Recorder {
 
     /// Stands still through a pause. A board's clock wraps after 71 minutes, so it must be heard of more often than that.
     pub(super) fn bridge(&mut self, from_s: f64, to_s: f64, ticks: [i32; 2]) -> Result<(), CaptureError> {
-        let mut at_s = from_s + BRIDGE_S;
-        while at_s < to_s {
-            self.advance(at_s);
+        // Counted from the begin: where stamps are huge, adding to a stamp may not change it.
+        let mut steps = 1.0;
+        while steps * BRIDGE_S < to_s - from_s {
+            self.advance(from_s + steps * BRIDGE_S);
             self.encoders(ticks)?;
             self.summary.encoder_rows -= 1;
-            at_s += BRIDGE_S;
+            steps += 1.0;
         }
         Ok(())
     }

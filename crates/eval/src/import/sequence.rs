@@ -7,6 +7,9 @@ pub(super) fn sort(rows: &mut [Row]) {
     for index in 1..rows.len() {
         let mut at = index;
         while let Some([before, row]) = at.checked_sub(1).and_then(|before| rows.get_mut(before..=at)) {
+            if index - at >= MAX_BACK {
+                break;
+            }
             if !(0.0..MAX_LATE_S).contains(&(before.t_s - row.t_s)) || before.t_s.total_cmp(&row.t_s).is_eq() {
                 break;
             }
@@ -31,6 +34,8 @@ pub(super) fn clamp(rows: &mut [Row]) -> u64 {
 }
 
 const MAX_LATE_S: f64 = 1.0;
+/// A row moves forward by at most so many rows: more than a second of any bag has, and the work stays in proportion to the rows.
+const MAX_BACK: usize = 10_000;
 
 /// Stamps of a clock that counts whole seconds: rows of one stamp are spread to the next. Returns what was done.
 pub(super) fn spread_equal(rows: &mut [Row]) -> Option<String> {

@@ -31,6 +31,8 @@ const MAX_REMARKS: usize = 5;
 const ROLLING_STEPS: f64 = 5.0;
 /// Two rows are of one location if most of their ranges differ by no more.
 const SAME_M: f64 = 0.15;
+/// Rows with ranges are sought so far on both sides: each step of the clock seeks them, and there may be as many as rows.
+const MAX_SOUGHT: usize = 1_000;
 
 /// What a wheel can do.
 #[derive(Clone, Copy, Debug)]
@@ -249,7 +251,11 @@ fn say_wrong(wrong: &[(usize, f64)], stamps: &mut Stamps) {
 fn is_same_location(rows: &[Row], index: usize) -> bool {
     let (before, after) = rows.split_at(index.min(rows.len()));
     let heard = |row: &&Row| row.readings.iter().any(|reading| reading.is_finite());
-    let (Some(before), Some(after)) = (before.iter().rev().find(heard), after.iter().find(heard)) else { return true };
+    let (Some(before), Some(after)) =
+        (before.iter().rev().take(MAX_SOUGHT).find(heard), after.iter().take(MAX_SOUGHT).find(heard))
+    else {
+        return true;
+    };
     let pairs = before.readings.iter().zip(&after.readings);
     let both: Vec<bool> = pairs
         .filter(|(before, after)| before.is_finite() && after.is_finite())
