@@ -251,11 +251,8 @@ fn say_wrong(wrong: &[(usize, f64)], stamps: &mut Stamps) {
 fn is_same_location(rows: &[Row], index: usize) -> bool {
     let (before, after) = rows.split_at(index.min(rows.len()));
     let heard = |row: &&Row| row.readings.iter().any(|reading| reading.is_finite());
-    let (Some(before), Some(after)) =
-        (before.iter().rev().take(MAX_SOUGHT).find(heard), after.iter().take(MAX_SOUGHT).find(heard))
-    else {
-        return true;
-    };
+    let before = before.iter().rev().take(MAX_SOUGHT).find(heard);
+    let Some((before, after)) = before.zip(after.iter().take(MAX_SOUGHT).find(heard)) else { return true };
     let pairs = before.readings.iter().zip(&after.readings);
     let both: Vec<bool> = pairs
         .filter(|(before, after)| before.is_finite() && after.is_finite())
