@@ -3,9 +3,8 @@
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
 use serde_json::Value;
-use slamd_capture::{CaptureReader, Record};
-use slamd_protocol::{Drive, FrameDecoder, Message, WheelSpeeds};
-use slamd_testkit::driving::{Owner, STANDSTILL, dead_man, strangers};
+use slamd_protocol::{Drive, Message, WheelSpeeds, kind};
+use slamd_testkit::driving::{Owner, STANDSTILL, dead_man, sent_drives, strangers};
 use slamd_testkit::mock_port::{Board, Device, Plugged};
 use slamd_testkit::served::{SOON, Served};
 use std::os::unix::fs::PermissionsExt as _;
@@ -35,19 +34,11 @@ fn is_error(line: &Value, words: &str) -> bool {
 
 /// The DRIVE frames that the host of a recording sent.
 fn drives(capture: &Path) -> Vec<Drive> {
-    let mut decoder = FrameDecoder::new();
-    let mut drives = Vec::new();
-    for record in CaptureReader::open(capture).unwrap() {
-        let Record::Sent { bytes, .. } = record.unwrap() else { continue };
-        for byte in bytes {
-            if let Some(frame) = decoder.push(byte)
-                && let Ok(Message::Drive(drive)) = Message::parse(frame.kind, frame.payload)
-            {
-                drives.push(drive);
-            }
-        }
-    }
-    drives
+    let parsed = |payload: Vec<u8>| match Message::parse(kind::DRIVE, &payload) {
+        Ok(Message::Drive(drive)) => drive,
+        other => panic!("{other:?}"),
+    };
+    sent_drives(capture).into_iter().map(parsed).collect()
 }
 
 fn hashes(folder: &Path) -> Vec<String> {

@@ -171,6 +171,8 @@ fn a_capture_plays_until_q() {
     watched.expect("slamd monitor");
     watched.expect("12 gives no measurement");
     watched.expect("ratio");
+    // A pose in degrees: with it the map begins.
+    watched.expect("°");
     watched.press("?");
     watched.expect("Ctrl-C");
     watched.press("p");

@@ -280,7 +280,7 @@ impl<W: Write> McapFile<W> {
 
 impl<W: Write> Drop for McapFile<W> {
     fn drop(&mut self) {
-        // Whoever wants to know calls `finish`.
+        // An error here has no reader: `finish` returns it.
         let _ = self.finish();
     }
 }

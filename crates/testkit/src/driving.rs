@@ -4,7 +4,7 @@ mod dead_man;
 mod strangers;
 
 pub use dead_man::{Ended, STANDSTILL, Stop, dead_man};
-pub use strangers::{Strangers, strangers};
+pub use strangers::{Strangers, sent_drives, strangers};
 
 use crate::mock_port::{Device, Plugged};
 use crate::served::{SOON, Served};

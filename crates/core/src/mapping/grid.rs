@@ -66,6 +66,8 @@ struct Tile {
 }
 
 impl Tile {
+    const EMPTY: Self = Self { cells: [0; TILE * TILE], normal: [[0; 2]; TILE], revision: 0, mark: 0 };
+
     /// The one axis that the wall in a cell faces along.
     fn normal(&self, row: usize, bit: u32) -> Option<WallNormal> {
         match self.normal[row].map(|bits| bits & bit != 0) {
@@ -228,12 +230,7 @@ impl OccupancyGrid {
                     return None;
                 };
                 self.extent = Some(extent);
-                self.tiles.push(Box::new(Tile {
-                    cells: [0; TILE * TILE],
-                    normal: [[0; 2]; TILE],
-                    revision: 0,
-                    mark: 0,
-                }));
+                self.tiles.push(Box::new(Tile::EMPTY));
                 self.indices.insert(key, index);
                 index
             }

@@ -198,8 +198,7 @@ impl EkfSlam {
                 let is_known = wall.is_some_and(|wall| self.walls[wall].hits >= self.params.slam.well_known_hits);
                 let noise_m = self.params.noise.error_sigmas * self.beam.range_sigma_m;
                 let is_off = |expected_m: &f64| (beam.range_m - expected_m).abs() > noise_m;
-                let expected =
-                    self.expected.get(sensor).copied().flatten().filter(|(expected_m, _)| is_off(expected_m));
+                let expected = self.expected(sensor).filter(|(expected_m, _)| is_off(expected_m));
                 let contradicts = self.monitor.add(is_known, expected.map(|(expected_m, _)| expected_m), beam.range_m);
                 if let Some(wall) = wall {
                     self.walls[wall].against -= 1;

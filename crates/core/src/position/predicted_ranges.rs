@@ -18,7 +18,12 @@ impl EkfSlam {
     /// The predicted range of one sensor, metres.
     #[must_use]
     pub fn expected_range_m(&self, sensor: usize) -> Option<f64> {
-        self.expected.get(sensor).copied().flatten().map(|(range_m, _)| range_m)
+        self.expected(sensor).map(|(range_m, _)| range_m)
+    }
+
+    /// The same, with the wall that says so.
+    pub(super) fn expected(&self, sensor: usize) -> Option<(f64, usize)> {
+        self.expected.get(sensor).copied().flatten()
     }
 
     fn predict_range(&self, pose: Placement, beam: &Beam) -> Option<(f64, usize)> {

@@ -16,7 +16,7 @@ use crate::sweep::Sweep;
 use crate::time::Timestamp;
 
 /// Why a robot whose surroundings are in the map is not found.
-const AMBIGUOUS: &str = "two places of the map explain nearly alike what is heard: drive on to where they differ";
+const AMBIGUOUS: &str = "two places of the map explain the readings nearly alike: drive on to where they differ";
 
 /// A robot that is elsewhere.
 #[derive(Debug)]
@@ -102,7 +102,8 @@ impl Lost {
                 let Trial { moved_m, turned_rad, .. } = *trial;
                 let (at, since) = (corrected.sweep.at, search.since);
                 let change = LocalizationChange::Regained { moved_m, turned_rad };
-                if trial.is_unmoved(stages) {
+                if stages.params.is_same_pose(moved_m, turned_rad) {
+                    // What was drawn since the onset was right.
                     stages.grid.restore_taken_back();
                 }
                 corrected.robot.ekf.unlearn_contradicted_walls();
@@ -144,26 +145,17 @@ impl Trial {
         Self { ekf, is_near: find.is_near, moved_m, turned_rad }
     }
 
-    /// Whether the robot never was elsewhere: what it drew was right.
-    fn is_unmoved(&self, stages: &Stages) -> bool {
-        let params = &stages.params;
-        self.moved_m < params.same_pose_m && self.turned_rad.abs() < params.same_pose_rad
-    }
-
     /// Whether the pose is right; none while that is open.
     fn verdict(&self, search: &PlaceSearch, stages: &Stages) -> Option<bool> {
-        let is_pushed = search.is_pushed();
-        let (search, record) = (&stages.place_params.search, stages.place.record());
+        let (params, record) = (&stages.place_params.search, stages.place.record());
         if stages.place.is_contradicted() {
             return Some(false);
         }
-        let (min_way_m, min_explained, min_told) = if self.is_near && is_pushed {
-            // Who pushed it is known: the map need not tell anything where it goes next.
-            (search.near_trial_m, search.min_near_explained, 0.0)
-        } else if self.is_near {
-            (search.near_trial_m, search.near_trial_explained, search.near_trial_told)
-        } else {
-            (search.trial_m, search.trial_explained, search.trial_told)
+        let (min_way_m, min_explained, min_told) = match (self.is_near, search.is_pushed()) {
+            (false, _) => (params.trial_m, params.trial_explained, params.trial_told),
+            (true, false) => (params.near_trial_m, params.near_trial_explained, params.near_trial_told),
+            // The push explains the loss: the map need not tell anything of where the robot goes next.
+            (true, true) => (params.near_trial_m, params.min_near_explained, 0.0),
         };
         let fits = record.explained() >= min_explained && record.told() >= min_told;
         match record.way_m {

@@ -128,6 +128,13 @@ pub struct Params {
     pub relocalize_max_returns: usize,
 }
 
+impl Params {
+    /// True if a pose that was found is the believed one: the robot never was elsewhere.
+    pub(super) fn is_same_pose(&self, moved_m: f64, turned_rad: f64) -> bool {
+        moved_m <= self.same_pose_m && turned_rad.abs() <= self.same_pose_rad
+    }
+}
+
 impl Default for Params {
     fn default() -> Self {
         Self {

@@ -70,7 +70,7 @@ fn search(
     if let Some(pose) = relocalizer.find(sweep.odometry, finder, ekf.params(), walls, params) {
         let moved_m = (pose.position() - before.position()).norm();
         let turned_rad = wrap_angle(pose.theta_rad - before.theta_rad);
-        if moved_m > params.same_pose_m || turned_rad.abs() > params.same_pose_rad {
+        if !params.is_same_pose(moved_m, turned_rad) {
             ekf.relocate(pose, relocalizer.since_sweep);
         }
         return Some(LocalizationChange::Regained { moved_m, turned_rad });

@@ -173,7 +173,8 @@ pub fn strangers(tries: u64, seed: u64, mut progress: impl FnMut()) -> Strangers
     let owners_m_s = plugged.peak_m_s();
     served.daemon.end();
     drop(plugged);
-    let drives = sent_drives(&capture);
+    let moves_a_wheel = |payload: &Vec<u8>| payload[..4].iter().any(|byte| *byte != 0);
+    let drives: Vec<bool> = sent_drives(&capture).iter().map(moves_a_wheel).collect();
     let by_owner = drives.iter().filter(|moves| **moves).count();
     assert!(owners_m_s > 0.05 && by_owner > 5, "the owner cannot drive: {owners_m_s} m/s");
     let before = drives.iter().position(|moves| *moves).unwrap_or(drives.len());
@@ -200,15 +201,19 @@ fn malformed(socket: &Path, number: u64) -> String {
     answer.to_string()
 }
 
-/// The DRIVE frames that a recording's host sent, in order: whether each moves a wheel.
-fn sent_drives(capture: &Path) -> Vec<bool> {
+/// The payloads of the DRIVE frames that a recording's host sent, in order.
+///
+/// # Panics
+/// If the recording cannot be read.
+#[must_use]
+pub fn sent_drives(capture: &Path) -> Vec<Vec<u8>> {
     let mut decoder = FrameDecoder::new();
     let mut drives = Vec::new();
     for record in CaptureReader::open(capture).unwrap() {
         let Record::Sent { bytes, .. } = record.unwrap() else { continue };
         for byte in bytes {
             if let Some(frame) = decoder.push(byte).filter(|frame| frame.kind == kind::DRIVE) {
-                drives.push(frame.payload[..4].iter().any(|byte| *byte != 0));
+                drives.push(frame.payload.to_vec());
             }
         }
     }

@@ -53,7 +53,7 @@ impl OccupancyGrid {
             if grid.indices.insert((tile.column, tile.row), grid.tiles.len()).is_some() {
                 return Err(InvalidState("a tile of the map is there twice"));
             }
-            grid.tiles.push(Box::new(Tile { cells, normal, revision: 0, mark: 0 }));
+            grid.tiles.push(Box::new(Tile { cells, normal, ..Tile::EMPTY }));
         }
         Ok(grid)
     }

@@ -2,7 +2,7 @@
 //!
 //! The copies come from a pool of fixed size. When it is empty the oldest mark is given up.
 
-use super::{OccupancyGrid, TILE, Tile};
+use super::{OccupancyGrid, Tile};
 use std::collections::VecDeque;
 
 /// Copies kept at most: 0.6 MB. A sonar ring changes some 25 tiles of 5 cm cells in half a metre.
@@ -35,10 +35,9 @@ struct Mark {
 
 impl Undo {
     fn new() -> Self {
-        let empty = || Box::new(Tile { cells: [0; TILE * TILE], normal: [[0; 2]; TILE], revision: 0, mark: 0 });
         Self {
             marks: VecDeque::with_capacity(MARKS),
-            pool: std::iter::repeat_with(empty).take(COPIES).collect(),
+            pool: std::iter::repeat_with(|| Box::new(Tile::EMPTY)).take(COPIES).collect(),
             lists: std::iter::repeat_with(|| Vec::with_capacity(COPIES)).take(MARKS).collect(),
             taken_back: 0,
             newest: 0,
@@ -59,12 +58,16 @@ impl Undo {
         }
     }
 
-    /// Keeps a tile that is about to change, if there is a mark and it is not kept yet.
-    pub(super) fn keep(&mut self, index: usize, tile: &mut Tile) {
+    /// Something is about to be drawn: what was taken back cannot be drawn again over it.
+    fn settle(&mut self) {
         if self.taken_back > 0 {
-            // What was taken back cannot be drawn again over this.
             self.forget();
         }
+    }
+
+    /// Keeps a tile that is about to change, if there is a mark and it is not kept yet.
+    pub(super) fn keep(&mut self, index: usize, tile: &mut Tile) {
+        self.settle();
         if self.marks.is_empty() || tile.mark == self.newest {
             return;
         }
@@ -85,9 +88,7 @@ impl OccupancyGrid {
     /// What is drawn from now on can be taken back to here. Numbers of marks grow.
     pub fn mark(&mut self, at: u64) {
         let undo = self.undo.get_or_insert_with(|| Box::new(Undo::new()));
-        if undo.taken_back > 0 {
-            undo.forget();
-        }
+        undo.settle();
         if undo.marks.len() == MARKS {
             undo.give_up_oldest();
         }
@@ -111,11 +112,6 @@ impl OccupancyGrid {
     pub fn restore_taken_back(&mut self) {
         let count = self.undo.as_ref().map_or(0, |undo| undo.taken_back);
         self.swap(count, |undo, step| undo.marks.len() - count + step);
-        self.forget_marks();
-    }
-
-    /// Nothing before can be taken back any more.
-    pub fn forget_marks(&mut self) {
         if let Some(undo) = &mut self.undo {
             undo.forget();
         }

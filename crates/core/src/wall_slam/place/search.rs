@@ -3,7 +3,7 @@
 use super::field::Field;
 use super::jump::Hands;
 use super::monitor::{Record, Scene, Tally};
-use super::params::Params;
+use super::params::{Params, SearchParams};
 use super::scan::{Candidate, Return, Scan, refine};
 use super::trail::{Step, Trail};
 use crate::geometry::{Placement, Pose2, wrap_angle};
@@ -25,8 +25,7 @@ pub(in crate::wall_slam) struct PlaceSearch {
     stage: Stage,
     /// The far pose that the last searches found one after the other.
     chain: Option<Chain>,
-    /// Two places explain what is heard nearly alike; and whether that was told.
-    is_ambiguous: (bool, bool),
+    ambiguity: Ambiguity,
     /// The way at the loss, metres, and `trail_from_robot`.
     lost_m: f64,
     lost_at: Pose2,
@@ -75,6 +74,25 @@ pub(in crate::wall_slam) struct Find {
     pub(in crate::wall_slam) is_near: bool,
 }
 
+/// Whether two places explain the readings about equally well.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Ambiguity {
+    None,
+    Found,
+    Told,
+}
+
+/// How a pose differs from the believed one where the robot was lost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Displacement {
+    /// Hardly: the robot was pushed or never lost.
+    Near,
+    /// It was turned where it stands.
+    Turned,
+    /// It was carried.
+    Far,
+}
+
 /// What the readings say of a pose.
 #[derive(Clone, Copy, Debug)]
 struct Judgement {
@@ -107,7 +125,7 @@ impl PlaceSearch {
             hands,
             stage: Stage::Waiting,
             chain: None,
-            is_ambiguous: (false, false),
+            ambiguity: Ambiguity::None,
             lost_m: trail.way_m(),
             lost_at: trail.pose(),
             next_m: f64::NEG_INFINITY,
@@ -127,11 +145,13 @@ impl PlaceSearch {
         (self.stage, self.chain, self.next_m) = (Stage::Waiting, None, trail.way_m());
     }
 
-    /// True once, when two places turned out to explain what is heard nearly alike.
+    /// True the first time after a search in which two places explained the readings about equally well.
     pub(in crate::wall_slam) fn becomes_ambiguous(&mut self) -> bool {
-        let (is_so, was_told) = self.is_ambiguous;
-        self.is_ambiguous.1 |= is_so;
-        is_so && !was_told
+        let is_new = self.ambiguity == Ambiguity::Found;
+        if is_new {
+            self.ambiguity = Ambiguity::Told;
+        }
+        is_new
     }
 
     fn is_carried(&self) -> bool {
@@ -221,6 +241,19 @@ impl PlaceSearch {
         Stage::Scanning(Scan::new(chosen, believed, heading_rad, &self.field, params), moment)
     }
 
+    /// Compares where the robot was lost: later the places part if it was turned.
+    fn displacement(&self, map_from_trail: Pose2, search: &SearchParams) -> Displacement {
+        let (a, b) = (map_from_trail * self.lost_at, self.believed * self.lost_at);
+        let moved_m = (a.position() - b.position()).norm();
+        let turned_rad = wrap_angle(a.theta_rad - b.theta_rad).abs();
+        match turned_rad {
+            _ if self.is_carried() || moved_m >= search.near_m => Displacement::Far,
+            rad if rad < search.near_rad => Displacement::Near,
+            rad if rad < search.turned_rad => Displacement::Turned,
+            _ => Displacement::Far,
+        }
+    }
+
     /// `map_from_trail`, if one pose stands out, and whether it is near the believed one.
     fn decide(
         &mut self,
@@ -234,19 +267,8 @@ impl PlaceSearch {
             let (a, b) = (a * moment.pose, b * moment.pose);
             ((a.position() - b.position()).norm(), wrap_angle(a.theta_rad - b.theta_rad).abs())
         };
-        // How a pose differs from the believed one where it was lost: later the places part if the robot was turned.
-        let moved = |one: &Judgement| {
-            let (a, b) = (one.pose * self.lost_at, self.believed * self.lost_at);
-            ((a.position() - b.position()).norm(), wrap_angle(a.theta_rad - b.theta_rad).abs())
-        };
-        let is_carried = self.is_carried();
-        let prior = |one: &Judgement| match moved(one) {
-            _ if is_carried => -search.carried_penalty,
-            (m, rad) if m < search.near_m && rad < search.near_rad => 0.0,
-            (m, rad) if m < search.near_m && rad < search.turned_rad => -search.turned_penalty,
-            _ => -search.carried_penalty,
-        };
-        let posterior = |one: &Judgement| one.likelihood + prior(one);
+        let displacement = |one: &Judgement| self.displacement(one.pose, search);
+        let posterior = |one: &Judgement| one.likelihood + search.log_prior(displacement(one));
         let likeliest = |one: &&Judgement, other: &&Judgement| posterior(one).total_cmp(&posterior(other));
         // The best of what explains so much and lies elsewhere than `from`.
         let rival = |from: Pose2, min_explained: f64| {
@@ -257,10 +279,12 @@ impl PlaceSearch {
             judged.iter().filter(is_elsewhere).map(posterior).fold(-search.carried_penalty, f64::max)
         };
         let is_near = |one: &&Judgement| {
-            let is_turned = prior(one) < 0.0;
-            let min_explained = if is_turned { search.min_turned_explained } else { search.min_near_explained };
-            let fits = one.explained >= min_explained && one.told >= search.min_near_told;
-            prior(one) > -search.carried_penalty && fits
+            let min_explained = match displacement(one) {
+                Displacement::Near => search.min_near_explained,
+                Displacement::Turned => search.min_turned_explained,
+                Displacement::Far => return false,
+            };
+            one.explained >= min_explained && one.told >= search.min_near_told
         };
         if trail.way_m() < self.lost_m + search.near_until_m
             && let Some(near) = judged.iter().filter(is_near).max_by(likeliest)
@@ -273,7 +297,9 @@ impl PlaceSearch {
         // What explains less may still be the true place, among things that were moved.
         let lead = posterior(best) - rival(best.pose, search.rival_explained);
         if lead < search.min_lead.max(search.min_lead_share * best.likelihood) {
-            self.is_ambiguous.0 = true;
+            if self.ambiguity == Ambiguity::None {
+                self.ambiguity = Ambiguity::Found;
+            }
             return None;
         }
         let way_m = trail.way_m();
@@ -286,6 +312,17 @@ impl PlaceSearch {
         };
         self.chain = Some(Chain { pose: best.pose, since_m, finds });
         (finds >= search.min_finds && way_m - since_m >= search.again_m).then_some((best.pose, false))
+    }
+}
+
+impl SearchParams {
+    /// The log prior of a pose, nats.
+    const fn log_prior(&self, displacement: Displacement) -> f64 {
+        match displacement {
+            Displacement::Near => 0.0,
+            Displacement::Turned => -self.turned_penalty,
+            Displacement::Far => -self.carried_penalty,
+        }
     }
 }
 
