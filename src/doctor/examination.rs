@@ -11,7 +11,7 @@ use super::wheels::{WheelEvidence, metres_per_tick};
 use bytes::Bytes;
 use slamd_core::{
     Config, Driver, FaultKind, Input, ModelEvent, ModelState, Pipeline, Record, SensorState, SessionState, Timestamp,
-    Topic, Update,
+    Update,
     link::{Link, Remedy},
 };
 use slamd_protocol::{DELIMITER, FrameDecoder, Message, Setting};
@@ -193,8 +193,8 @@ impl Examination {
             (Some(hello), None) => usize::from(hello.sensors),
             (None, None) => 0,
         };
-        let are_centimetres = troubles.has(Topic::FlightUnit);
-        let statistics = self.sensors.statistics(sensors, self.driver.pipeline().ring(), are_centimetres);
+        let us_per_number = self.driver.pipeline().flight_factor() * self.config.ring.range_scale;
+        let statistics = self.sensors.statistics(sensors, self.driver.pipeline().ring(), us_per_number);
         let path_m = self.wheels.path_m(&self.config.robot, self.driver.pipeline().board());
         let mut of_sensors = self.sensors.findings(
             &statistics,
