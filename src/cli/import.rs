@@ -1,12 +1,10 @@
 //! `slamd import`: turns a recording into a capture.
 
-use super::outputs::{ForceArg, can_be_made_again};
+use super::outputs::{ForceArg, is_same_import};
 use super::{Failure, Kind, config};
 use clap::{Args, Subcommand};
 use slamd_capture::CaptureError;
-use slamd_eval::import::{
-    Columns, Counting, Drive, ImportError, Options, RangeUnit, Scan, TimeUnit, bag, carmen, ring,
-};
+use slamd_eval::import::{Columns, Counting, ImportError, Options, RangeUnit, Scan, TimeUnit, bag, carmen, ring};
 use slamd_files::regular;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
@@ -146,17 +144,23 @@ impl ImportArgs {
         let say = |remark: &String| super::terminal::tell(format_args!("{name}: {remark}"));
         drive.remarks().iter().for_each(say);
         let said = drive.remarks().len();
-        let output = guard.output_replacing(&files.capture, |path| may_replace(&drive, path))?;
+        // A whole recording takes the place of its own earlier capture; what came through a pipe cannot be read again.
+        let mut has_replaced = false;
+        let output = guard.output_replacing(&files.capture, |path| {
+            has_replaced = drive.is_whole() && !is_standard_input && is_same_import(path, drive.notes());
+            has_replaced
+        })?;
+        if has_replaced {
+            super::terminal::tell(format_args!(
+                "{}: an earlier capture of this recording is replaced",
+                files.capture.display()
+            ));
+        }
         let summary = drive.write(output)?;
         summary.remarks.iter().skip(said).for_each(say);
         super::terminal::tell(format_args!("{}: {summary}", files.capture.display()));
         Ok(())
     }
-}
-
-/// True if a whole recording takes the place of a capture that can be made again.
-fn may_replace(drive: &Drive, path: &Path) -> bool {
-    drive.is_whole() && can_be_made_again(path)
 }
 
 impl From<ImportError> for Failure {

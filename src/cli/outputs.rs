@@ -22,10 +22,9 @@ impl ForceArg {
     }
 }
 
-/// True if the file is a capture that can be made again: from another recording or by the simulator. A recording of a robot cannot.
-pub(super) fn can_be_made_again(path: &Path) -> bool {
-    let info = CaptureReader::open(path).ok().map(|capture| capture.info().clone());
-    info.is_some_and(|CaptureInfo { notes, .. }| MADE.iter().any(|made| notes.starts_with(made)))
+/// True if the file is the capture of the same recording, by its notes.
+pub(super) fn is_same_import(path: &Path, notes: &str) -> bool {
+    CaptureReader::open(path).is_ok_and(|there| there.info().notes == notes)
 }
 
 /// True if the file is the drive that the simulator describes so.
@@ -33,9 +32,6 @@ pub(super) fn is_same_drive(path: &Path, wanted: &CaptureInfo) -> bool {
     let there = CaptureReader::open(path).ok();
     there.is_some_and(|there| there.info().notes == wanted.notes && there.info().faults == wanted.faults)
 }
-
-/// How the notes of captures begin that `slamd import` and `slamd simulate` have written.
-const MADE: [&str; 2] = ["imported from ", "slamd simulate "];
 
 /// The results of a run could not be written: which of them the folder does not have.
 pub(super) fn lost(folder: &Path, error: &WriteError) -> Failure {

@@ -209,7 +209,7 @@ fn no_option_writes_over_what_it_should_keep() {
     let desk = Desk::new();
     let made = std::fs::read(desk.path("made.mcap")).unwrap();
     let mut table = String::from(
-        "| option | its input | an existing file | the same, --force | an imported capture | a folder | read-only, --force | a full disk |\n|---|---|---|---|---|---|---|---|\n",
+        "| option | its input | an existing file | the same, --force | another imported capture | a folder | read-only, --force | a full disk |\n|---|---|---|---|---|---|---|---|\n",
     );
     for (option, input, line) in OPTIONS {
         let force =

@@ -76,6 +76,7 @@ impl Drive {
         remarks.extend(stamps.remarks);
         let filled = rows::fill_ticks(&mut rows, file)?;
         check_duration(&rows, file)?;
+        let notes = format!("imported from {kind} {file}, {} rows", rows.len());
         let ends = filler.map(|filler| rows::cycle_ends(&rows, filler));
         let max_range_m = config.ring.max_range_m;
         let nothing_from_m = clipped.as_ref().map_or(max_range_m, |(from_m, _)| from_m.min(max_range_m)) - ROUNDING_M;
@@ -94,7 +95,7 @@ impl Drive {
             rows,
             ends,
             config: config.clone(),
-            notes: format!("imported from {kind} {file}"),
+            notes,
             unix_zero_us: stamps.unix_zero_us,
             nothing_from_m,
             is_whole,
@@ -118,6 +119,12 @@ impl Drive {
     #[must_use]
     pub const fn is_whole(&self) -> bool {
         self.is_whole
+    }
+
+    /// The notes of the capture: what it is imported from. Another recording of the same name hardly has as many rows.
+    #[must_use]
+    pub fn notes(&self) -> &str {
+        &self.notes
     }
 
     /// Writes the capture.
