@@ -66,7 +66,7 @@ fn objects(text: &str) -> Vec<serde_json::Value> {
 fn each_line_of_a_json_log_is_an_object() {
     let arguments = ["--log-format", "json", "--port", "nowhere", "--config", "good.toml", "--duration", "0.3"];
     let (code, text) = slamd_logging(&arguments, Some("debug"));
-    assert_eq!(code, 0, "{text}");
+    assert_eq!(code, 75, "{text}");
     let lines = objects(&text);
     let said = |words: &str| lines.iter().any(|line| line["message"].as_str().unwrap().contains(words));
     assert!(said("configuration: good.toml") && said("link: searching"), "{text}");
@@ -153,7 +153,8 @@ fn a_missing_port_says_what_to_do() {
 #[test]
 fn a_missing_port_is_waited_for() {
     let (code, text) = slamd(&["--port", "/dev/nowhere", "--duration", "0.3"]);
-    assert_eq!(code, 0, "{text}");
+    assert_eq!(code, 75, "{text}");
+    assert!(text.contains("the session was over before the port /dev/nowhere was found; plug the board in"), "{text}");
     assert!(text.contains("link: searching (port missing: there is no /dev/nowhere; plug the board in"), "{text}");
 }
 
