@@ -15,6 +15,7 @@
 //! that look past the beams are left out, and so are beams of 0 m. One kind of ranges is used, the others skipped: the first, or the
 //! one that is asked for.
 
+use super::broken::Broken;
 use super::drive::{Drive, Found};
 use super::rows::Row;
 use super::{ImportError, Options, SourceLine, WheelTicks, sequence, text};
@@ -82,7 +83,7 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
     let mut found =
         Found { kind: "the CARMEN log", is_whole: text.is_whole, remarks: text.remarks, ..Found::default() };
     found.remarks.extend(several(&kinds, scan));
-    let count = text.text.lines().count();
+    let (count, mut broken) = (text.text.lines().count(), Broken::default());
     for (number, line) in (1..).zip(text.text.lines()) {
         let fields: Vec<&str> = line.split_whitespace().collect();
         match log.line(SourceLine { file, number }, &fields, scan) {
@@ -93,9 +94,10 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
                     .remarks
                     .push(format!("line {number}: the last line is cut off and left out; what followed it is lost"));
             }
-            Err(error) => return Err(error),
+            Err(error) => broken.row(error),
         }
     }
+    found.remarks.extend(broken.end(log.rows.len())?);
     if !log.has_ranges {
         let any = "SONAR, ROBOTLASER1 or FLASER lines";
         let expected = if options.scan.is_some() { scan.word() } else { any };

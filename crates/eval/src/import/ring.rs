@@ -8,13 +8,14 @@
 //! that have just answered, the others empty, `nan`, 0 or negative, the rows of a cycle become one sweep, each with its own time and
 //! counts.
 
+use super::broken::Broken;
 use super::columns::{Columns, Role, T_S, roles};
 use super::counts::{self, Cells, Counting};
 use super::drive::{Drive, Found};
 use super::rows::{Filler, Row};
 use super::sequence::spread_equal;
 use super::table::{Record, Table, excerpt};
-use super::{ImportError, Options, SourceLine, dates, text, tick_cells, times};
+use super::{ImportError, Options, SourceLine, cut_end, dates, text, tick_cells, times};
 use slamd_core::Config;
 use std::f64::consts::TAU;
 use std::io::Read;
@@ -128,7 +129,7 @@ fn parse(
     found: &mut Found,
 ) -> Result<(Vec<Row>, Vec<Cells>), ImportError> {
     let (mut rows, mut cells) = (Vec::with_capacity(table.lines.len()), Vec::with_capacity(table.lines.len()));
-    let last = table.lines.len().saturating_sub(1);
+    let (last, mut broken) = (table.lines.len().saturating_sub(1), Broken::default());
     for (index, record) in table.records().enumerate() {
         if record.fields.iter().all(String::is_empty) {
             found.left_out += u64::from(record.fields.len() > 1);
@@ -152,10 +153,28 @@ fn parse(
                     "line {line}: the last row is cut off ({fields} of {columns} fields) and left out; what followed it is lost"
                 ));
             }
-            Err(error) => return Err(error),
+            // What a board prints when it starts has neither the time nor the number of a row's fields.
+            Err(_) if record.fields.len() != roles.len() && !has_stamp(&record, roles) => {
+                broken.text(record.line, &record.fields.join(","));
+            }
+            Err(error) => broken.row(error),
         }
     }
+    found.remarks.extend(broken.end(rows.len())?);
+    if let Some(line) = cut_end::line(table, roles) {
+        found.is_whole = false;
+        (rows.pop(), cells.pop());
+        found.remarks.push(format!(
+            "line {line}: the last row has no line end, and its last value is shorter than the others: it is cut off and left out"
+        ));
+    }
     Ok((rows, cells))
+}
+
+/// True if the time of a row can be read.
+fn has_stamp(record: &Record, roles: &[Role]) -> bool {
+    let cell = roles.iter().position(|role| *role == Role::Time).and_then(|time| record.fields.get(time));
+    cell.is_some_and(|cell| cell.is_empty() || cell.parse::<f64>().is_ok() || is_date(cell))
 }
 
 type Ticks = [Option<f64>; 2];
