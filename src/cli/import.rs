@@ -1,6 +1,6 @@
 //! `slamd import`: turns a recording into a capture.
 
-use super::outputs::{ForceArg, is_same_import};
+use super::outputs::{ForceArg, imported_from};
 use super::{Failure, Kind, config};
 use clap::{Args, Subcommand};
 use slamd_capture::CaptureError;
@@ -144,23 +144,71 @@ impl ImportArgs {
         let say = |remark: &String| super::terminal::tell(format_args!("{name}: {remark}"));
         drive.remarks().iter().for_each(say);
         let said = drive.remarks().len();
-        // A whole recording takes the place of its own earlier capture; what came through a pipe cannot be read again.
-        let mut has_replaced = false;
+        // A whole recording takes the place of its own earlier capture. That of another recording is kept under another name.
+        let mut there = Earlier::None;
         let output = guard.output_replacing(&files.capture, |path| {
-            has_replaced = drive.is_whole() && !is_standard_input && is_same_import(path, drive.notes());
-            has_replaced
+            there = if drive.is_whole() { Earlier::at(path, drive.notes(), is_standard_input) } else { Earlier::None };
+            there != Earlier::None
         })?;
-        if has_replaced {
-            super::terminal::tell(format_args!(
-                "{}: an earlier capture of this recording is replaced",
-                files.capture.display()
-            ));
+        let kept = if there == Earlier::Other { Some(keep(&files.capture)?) } else { None };
+        let written = drive.write(output);
+        if let (Err(_), Some(kept)) = (&written, &kept) {
+            // The capture is still there.
+            let _ = std::fs::remove_file(kept);
         }
-        let summary = drive.write(output)?;
+        let summary = written?;
+        let capture = files.capture.display();
+        match (there, kept) {
+            (Earlier::Same, _) => {
+                super::terminal::tell(format_args!("{capture}: replaces an earlier capture of this recording"))
+            }
+            (_, Some(kept)) => super::terminal::tell(format_args!(
+                "{capture}: the capture of another recording that was here is now {}",
+                kept.display()
+            )),
+            _ => {}
+        }
         summary.remarks.iter().skip(said).for_each(say);
         super::terminal::tell(format_args!("{}: {summary}", files.capture.display()));
         Ok(())
     }
+}
+
+/// What is in the way of a capture and may be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Earlier {
+    None,
+    /// The same recording's capture.
+    Same,
+    /// The capture of another recording.
+    Other,
+}
+
+impl Earlier {
+    fn at(path: &Path, notes: &str, is_pipe: bool) -> Self {
+        match imported_from(path) {
+            None => Self::None,
+            // What came through a pipe has no name.
+            Some(there) if there == notes && !is_pipe => Self::Same,
+            Some(_) => Self::Other,
+        }
+    }
+}
+
+/// Gives the file a second name, under which it stays.
+fn keep(path: &Path) -> Result<PathBuf, Failure> {
+    let (stem, extension) = (path.file_stem().unwrap_or_default(), path.extension().unwrap_or_default());
+    for number in 1..10_000 {
+        let name = format!("{}.earlier-{number:04}.{}", stem.to_string_lossy(), extension.to_string_lossy());
+        let kept = path.with_file_name(name.trim_end_matches('.'));
+        match std::fs::hard_link(path, &kept) {
+            Ok(()) => return Ok(kept),
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+            Err(_) => break,
+        }
+    }
+    let text = format!("{} exists and is kept; name another file, or --force replaces it", path.display());
+    Err(Failure::new(Kind::CantCreate, text))
 }
 
 impl From<ImportError> for Failure {

@@ -22,9 +22,10 @@ impl ForceArg {
     }
 }
 
-/// True if the file is the capture of the same recording, by its notes.
-pub(super) fn is_same_import(path: &Path, notes: &str) -> bool {
-    CaptureReader::open(path).is_ok_and(|there| there.info().notes == notes)
+/// What a capture was imported from, by its notes; none if the file is another one.
+pub(super) fn imported_from(path: &Path) -> Option<String> {
+    let notes = CaptureReader::open(path).ok()?.info().notes.clone();
+    notes.starts_with("imported from ").then_some(notes)
 }
 
 /// True if the file is the drive that the simulator describes so.

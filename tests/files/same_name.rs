@@ -129,14 +129,21 @@ fn an_import_replaces_only_its_own_recording() {
     assert_eq!(import("one.csv", "").0, 0);
     let one = std::fs::read(here.join("x.mcap")).unwrap();
     let (code, said) = import("one.csv", "");
-    assert!(code == 0 && said.contains("an earlier capture of this recording is replaced"), "{said}");
+    assert!(code == 0 && said.contains("replaces an earlier capture of this recording"), "{said}");
     let (code, said) = import("two.csv", "");
-    assert!(code == 73 && said.contains("x.mcap exists and is kept"), "{code} {said}");
+    assert!(code == 0 && said.contains("another recording that was here is now x.earlier-0001.mcap"), "{code} {said}");
+    assert_eq!(std::fs::read(here.join("x.earlier-0001.mcap")).unwrap(), one);
     // The same name, another recording.
-    std::fs::write(here.join("one.csv"), csv(41)).unwrap();
-    assert_eq!(import("one.csv", "").0, 73);
-    assert_eq!(std::fs::read(here.join("x.mcap")).unwrap(), one);
-    assert_eq!(import("two.csv", " --force").0, 0);
+    let two = std::fs::read(here.join("x.mcap")).unwrap();
+    std::fs::write(here.join("two.csv"), csv(41)).unwrap();
+    assert_eq!(import("two.csv", "").0, 0);
+    assert_eq!(std::fs::read(here.join("x.earlier-0002.mcap")).unwrap(), two);
+    // A failed import leaves what was there, and no second name.
+    std::fs::write(here.join("bad.csv"), "t_s,left_ticks\n").unwrap();
+    assert_eq!(import("bad.csv", "").0, 65);
+    assert!(!here.join("x.earlier-0003.mcap").exists());
+    assert_eq!(import("one.csv", " --force").0, 0);
+    assert!(!here.join("x.earlier-0003.mcap").exists());
     // Neither does it take a simulated drive's place.
     assert_eq!(slamd(here, "simulate --duration 1 --capture x.mcap --force").0, 0);
     assert_eq!(import("two.csv", "").0, 73);

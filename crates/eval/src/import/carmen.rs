@@ -99,9 +99,7 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
     }
     found.remarks.extend(broken.end(log.rows.len())?);
     if !log.has_ranges {
-        let any = "SONAR, ROBOTLASER1 or FLASER lines";
-        let expected = if options.scan.is_some() { scan.word() } else { any };
-        return Err(ImportError::Empty { file: file.into(), expected });
+        return Err(no_ranges(options.scan, &kinds, &text.text, file));
     }
     found.doubts.append(&mut log.doubts);
     if log.rows.iter().all(|row| row.ticks.contains(&None)) {
@@ -109,6 +107,32 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
     }
     found.clamped = sequence::clamp(&mut log.rows);
     Drive::new(log.rows, found, file, config, options)
+}
+
+/// A log without the wanted ranges.
+fn no_ranges(wanted: Option<Scan>, kinds: &BTreeMap<Scan, (usize, usize)>, text: &str, file: &str) -> ImportError {
+    match wanted {
+        Some(scan) if !kinds.is_empty() => {
+            let lines = |(kind, (_, lines)): (&Scan, &(usize, usize))| {
+                format!("{lines} {} lines (--scan {})", kind.word(), kind.word().to_ascii_lowercase())
+            };
+            let there: Vec<String> = kinds.iter().map(lines).collect();
+            let problem = format!("the log has no {} line, but {}", scan.word(), there.join(" and "));
+            ImportError::Problem { file: file.into(), problem }
+        }
+        _ if text.lines().take(20).any(|line| line.matches([',', ';', '\t']).count() > 2) && !is_log(text) => {
+            ImportError::Foreign { file: file.into(), what: "no CARMEN log but a table; `slamd import ring` reads CSV" }
+        }
+        _ => ImportError::Empty { file: file.into(), expected: "SONAR, ROBOTLASER1 or FLASER lines" },
+    }
+}
+
+/// True for a text whose first lines are those of a CARMEN log.
+pub(super) fn is_log(text: &str) -> bool {
+    let first = text.lines().filter(|line| !line.trim().is_empty() && !line.starts_with('#')).take(20);
+    first
+        .filter_map(|line| line.split_whitespace().next())
+        .any(|word| Scan::of_word(word).is_some() || ["ODOM", "PARAM", "TRUEPOS", "SYNC"].contains(&word))
 }
 
 /// By kind of ranges: its first line and the number of its lines.

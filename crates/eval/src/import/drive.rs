@@ -1,7 +1,7 @@
 //! A recording that has been read and checked, whatever its format, and can be written as a capture.
 
 use super::mixed_units::{self, Limits};
-use super::ranges::Readings;
+use super::ranges::{RangeUnit, Readings};
 use super::recorder::{Recorder, Summary};
 use super::rows::{self, Filler, Row};
 use super::stamps::{self, Wheel};
@@ -68,7 +68,7 @@ impl Drive {
         filler.unwrap_or_default().clear(&mut rows);
         let limits = Limits { min_m: config.ring.min_range_m, max_m: config.ring.max_range_m };
         doubts.extend(mixed_units::check(&mut rows, limits, file)?);
-        let mut readings = Readings::new(config, sound_m_s);
+        let mut readings = Readings::new(config, options.range_unit.unwrap_or(RangeUnit::Metres), sound_m_s);
         for row in &rows {
             row.readings.iter().enumerate().for_each(|(sensor, reading)| readings.add(sensor, *reading));
         }

@@ -14,7 +14,7 @@ const WRONG: f64 = 0.05;
 /// Share of readings within the ring's range that makes the others the right ones.
 const OTHERS: f64 = 0.5;
 /// A sensor that always reads about the same value has a word for "nothing", not a unit.
-const MIN_SPREAD: f64 = 1.3;
+const MIN_SPREAD: f64 = 1.1;
 /// Echoes may be this much farther than configured.
 const TOLERANCE: f64 = 1.05;
 
@@ -32,8 +32,8 @@ impl Limits {
         values.iter().filter(within).count() as f64 / values.len().max(1) as f64
     }
 
-    /// How many times the right values these are, where they are in another unit than metres.
-    fn factor(self, values: &[f64]) -> Option<f64> {
+    /// How many times the right values these are, where they are in another unit than metres; right values are about `typical_m`.
+    fn factor(self, values: &[f64], typical_m: f64) -> Option<f64> {
         let (least, most) =
             values.iter().fold((f64::INFINITY, 0.0_f64), |(a, b), value| (a.min(*value), b.max(*value)));
         if values.len() < MIN_READINGS || self.share(values, 1.0) > WRONG || most < MIN_SPREAD * least {
@@ -41,9 +41,16 @@ impl Limits {
         }
         let all = FACTORS.into_iter().chain(FACTORS.map(f64::recip));
         let fits = all.filter(|factor| self.share(values, factor.recip()) >= RIGHT);
-        // Of several, the one that changes the least.
-        fits.min_by(|a, b| a.ln().abs().total_cmp(&b.ln().abs()))
+        let off = |factor: &f64| libm::log(median(values) / typical_m / factor).abs();
+        fits.min_by(|a, b| off(a).total_cmp(&off(b)))
     }
+}
+
+/// The middle value.
+fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
 fn finite(rows: &[Row], sensor: Option<usize>) -> Vec<f64> {
@@ -65,9 +72,11 @@ pub(super) fn check(rows: &mut [Row], limits: Limits, file: &str) -> Result<Vec<
         // The whole recording is in another unit, which is said elsewhere.
         return Ok(doubts);
     }
+    let within: Vec<f64> = finite(rows, None).into_iter().filter(|value| limits.share(&[*value], 1.0) > 0.5).collect();
+    let typical_m = median(&within);
     let sensors = rows.first().map_or(0, |row| row.readings.len());
     for sensor in 0..sensors {
-        if let Some(factor) = limits.factor(&finite(rows, Some(sensor))) {
+        if let Some(factor) = limits.factor(&finite(rows, Some(sensor)), typical_m) {
             rows.iter_mut().filter_map(|row| row.readings.get_mut(sensor)).for_each(|reading| *reading = f64::NAN);
             doubts.push(format!(
                 "sensor {sensor} reads about {} the others: another unit; its readings are left out: correct its column",
@@ -75,7 +84,7 @@ pub(super) fn check(rows: &mut [Row], limits: Limits, file: &str) -> Result<Vec<
             ));
         }
     }
-    if let Some((line, factor, is_end)) = change(rows, limits) {
+    if let Some((line, factor, is_end)) = change(rows, limits, typical_m) {
         let part = if is_end { "from here on" } else { "up to here" };
         let problem = format!(
             "line {line}: {part} the ranges are about {} the other ones: the unit changes; split the recording there, and import each part \
@@ -92,10 +101,11 @@ fn times(factor: f64) -> String {
 }
 
 /// The row at which the unit changes: its line, the factor, and whether the end, or the beginning, is in another unit than metres.
-fn change(rows: &[Row], limits: Limits) -> Option<(usize, f64, bool)> {
+fn change(rows: &[Row], limits: Limits, typical_m: f64) -> Option<(usize, f64, bool)> {
     let per_row = rows.first()?.readings.len().max(1);
     let size = (4 * MIN_READINGS).div_ceil(per_row).max(2);
-    let factors: Vec<Option<f64>> = rows.chunks(size).map(|rows| limits.factor(&finite(rows, None))).collect();
+    let factors: Vec<Option<f64>> =
+        rows.chunks(size).map(|rows| limits.factor(&finite(rows, None), typical_m)).collect();
     let foreign = factors.iter().position(Option::is_some)?;
     let factor = factors.get(foreign).copied().flatten()?;
     let is_right = |rows: &[Row]| limits.share(&finite(rows, None), 1.0) > OTHERS;

@@ -15,7 +15,7 @@ use super::drive::{Drive, Found};
 use super::rows::{Filler, Row};
 use super::sequence::spread_equal;
 use super::table::{Record, Table, excerpt};
-use super::{ImportError, Options, SourceLine, cut_end, dates, text, tick_cells, times};
+use super::{ImportError, Options, SourceLine, carmen, cut_end, dates, text, tick_cells, times};
 use slamd_core::Config;
 use std::f64::consts::TAU;
 use std::io::Read;
@@ -29,6 +29,10 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
     let sensors = config.ring.ring().ok_or(ImportError::Config("ring.circle or ring.sensors"))?.len();
     let ticks_per_turn = config.robot.ticks_per_turn.ok_or(ImportError::Config("robot.ticks_per_turn"))?;
     let text = text::read(input, file)?;
+    if carmen::is_log(&text.text) {
+        let what = "a CARMEN log; `slamd import carmen` reads it";
+        return Err(ImportError::Foreign { file: file.into(), what });
+    }
     let columns = options.columns.as_ref();
     let first = columns.map_or(T_S, Columns::first);
     let mut table = Table::read(&text.text, first, columns.is_some_and(Columns::is_in_order));
@@ -192,7 +196,14 @@ fn row(
         return Err(line.error("", fields.len(), &expected));
     }
     if let Some(field) = fields.get(roles.len()).filter(|field| !field.is_empty()) {
-        return Err(line.error(field, roles.len(), &format!("the end of the line: the ring has {sensors} sensors")));
+        let is_whole = |field: &String| field.parse::<i64>().is_ok();
+        let hint = if fields.iter().all(is_whole) {
+            ": commas are decimal signs here, too: export with decimal points, or with ; between the fields"
+        } else {
+            ""
+        };
+        let expected = format!("the end of the line: the ring has {sensors} sensors{hint}");
+        return Err(line.error(field, roles.len(), &expected));
     }
     let mut ticks: Ticks = [None, None];
     let mut row = Row { line: record.line, t_s: f64::NAN, ticks: [None; 2], readings: vec![f64::NAN; sensors] };
@@ -202,7 +213,11 @@ fn row(
             _ if is_empty => {}
             Role::Time => {
                 let cell = fields.get(column).map(String::as_str).unwrap_or_default();
-                row.t_s = dates::seconds(cell).map_or_else(|| line.number(fields, column, STAMP), Ok)?;
+                row.t_s = match dates::seconds(cell) {
+                    Some(seconds) => seconds,
+                    None if cell.contains('/') => return Err(line.error(cell, column, AMBIGUOUS_DATE)),
+                    None => line.number(fields, column, STAMP)?,
+                };
             }
             Role::Ticks(wheel) => {
                 let cell = fields.get(column).map(String::as_str).unwrap_or_default();
@@ -245,6 +260,8 @@ fn reading(line: SourceLine<'_>, fields: &[String], column: usize) -> Result<f64
 /// Longer words are no marks.
 const MAX_WORD: usize = 20;
 const STAMP: &str = "seconds, or a date and time such as 2026-05-01T12:00:00.5Z";
+const AMBIGUOUS_DATE: &str = "a date that begins with its year: of 07/04/2024 nobody knows whether it is in April or July; export the column as \
+                              2024-07-04 13:00:00, with 24 hours";
 const TICKS: &str = "a number of encoder ticks, or nothing";
 const READING: &str = "metres, at least 0, `inf` for no echo, or nothing or `nan` for no measurement";
 

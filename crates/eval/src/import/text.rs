@@ -70,6 +70,14 @@ fn read_within(input: impl Read, file: &str, max_bytes: u64, max_lines: usize) -
         return Err(ImportError::Foreign { file: file.into(), what });
     }
     read.text = decode(bytes, file)?;
+    let zeros = read.text.bytes().filter(|byte| *byte == 0).count();
+    if zeros > 0 {
+        let line = 1 + read.text.bytes().take_while(|byte| *byte != 0).filter(|byte| *byte == b'\n').count();
+        read.text.retain(|character| character != '\0');
+        read.remarks.push(format!(
+            "{zeros} zero bytes are left out, the first in line {line}: the card or the line has lost data there"
+        ));
+    }
     let lines = |end: u8| read.text.bytes().filter(|byte| *byte == end).count();
     if lines(b'\n').max(lines(b'\r')) > max_lines {
         return Err(too_long(format!("{max_lines} lines")));
