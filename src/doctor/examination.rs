@@ -221,7 +221,10 @@ impl Examination {
         findings.extend(of_wheels.into_iter().filter(|finding| of_drill.iter().all(|other| other.id != finding.id)));
         findings.extend(of_drill);
         findings.extend(models);
-        findings.extend(self.clock.findings());
+        // An imported recording has no board that could be asked for its time.
+        if !(self.is_recording && board.description().starts_with("imported ")) {
+            findings.extend(self.clock.findings());
+        }
         if self.is_recording {
             findings = findings.into_iter().map(drill_findings::of_recording).collect();
         }

@@ -202,7 +202,10 @@ impl Setup {
         match &self.phase {
             Phase::Board => "listening to the board".into(),
             Phase::Settings(_) => "the board takes over its settings".into(),
-            Phase::Watch if !self.is_drilled && self.rounds == 0 && drill.is_by_hand() => drill.instruction(),
+            Phase::Watch if !self.is_drilled && self.rounds == 0 && drill.is_by_hand() => {
+                // Until it moves, nobody knows whether it drives by itself.
+                drill.instruction().replacen("30 cm:", "30 cm, unless it drives by itself:", 1)
+            }
             Phase::Watch if self.is_drilled && self.examination.pipeline().is_range_unit_open() => {
                 let (path_m, _) = drill.moved();
                 format!(

@@ -225,3 +225,19 @@ fn units_that_change_are_named() {
     let (code, said) = import(folder, &["ring", "late.csv"], b"");
     assert!(code == 65 && said.contains("line 72: from here on the ranges are about 100 times"), "{code} {said}");
 }
+
+#[test]
+fn an_imported_recording_gets_no_advice_about_its_boards_clock() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::write(folder.join("robot.toml"), ROBOT).unwrap();
+    std::fs::write(folder.join("drive.csv"), table(4, tenths, metres)).unwrap();
+    assert_eq!(import(folder, &["ring", "drive.csv"], b"").0, 0);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_slamd"));
+    let output = command.args(["doctor", "--capture", "c.mcap"]).current_dir(folder).output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains("4 of 4 sensors measure") && !text.contains("time requests"), "{text}");
+    for live in ["reset button", "--seconds", "flash", "while this runs"] {
+        assert!(!text.contains(live), "{live}: {text}");
+    }
+}

@@ -120,19 +120,11 @@ fn no_ranges(wanted: Option<Scan>, kinds: &BTreeMap<Scan, (usize, usize)>, text:
             let problem = format!("the log has no {} line, but {}", scan.word(), there.join(" and "));
             ImportError::Problem { file: file.into(), problem }
         }
-        _ if text.lines().take(20).any(|line| line.matches([',', ';', '\t']).count() > 2) && !is_log(text) => {
+        _ if text.lines().take(20).any(|line| line.matches([',', ';', '\t']).count() > 2) && !text::is_carmen(text) => {
             ImportError::Foreign { file: file.into(), what: "no CARMEN log but a table; `slamd import ring` reads CSV" }
         }
         _ => ImportError::Empty { file: file.into(), expected: "SONAR, ROBOTLASER1 or FLASER lines" },
     }
-}
-
-/// True for a text whose first lines are those of a CARMEN log.
-pub(super) fn is_log(text: &str) -> bool {
-    let first = text.lines().filter(|line| !line.trim().is_empty() && !line.starts_with('#')).take(20);
-    first
-        .filter_map(|line| line.split_whitespace().next())
-        .any(|word| Scan::of_word(word).is_some() || ["ODOM", "PARAM", "TRUEPOS", "SYNC"].contains(&word))
 }
 
 /// By kind of ranges: its first line and the number of its lines.

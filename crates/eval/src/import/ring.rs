@@ -15,7 +15,7 @@ use super::drive::{Drive, Found};
 use super::rows::{Filler, Row};
 use super::sequence::spread_equal;
 use super::table::{Record, Table, excerpt};
-use super::{ImportError, Options, SourceLine, carmen, cut_end, dates, text, tick_cells, times};
+use super::{ImportError, Options, SourceLine, cut_end, dates, text, tick_cells, times};
 use slamd_core::Config;
 use std::f64::consts::TAU;
 use std::io::Read;
@@ -29,7 +29,7 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
     let sensors = config.ring.ring().ok_or(ImportError::Config("ring.circle or ring.sensors"))?.len();
     let ticks_per_turn = config.robot.ticks_per_turn.ok_or(ImportError::Config("robot.ticks_per_turn"))?;
     let text = text::read(input, file)?;
-    if carmen::is_log(&text.text) {
+    if text::is_carmen(&text.text) {
         let what = "a CARMEN log; `slamd import carmen` reads it";
         return Err(ImportError::Foreign { file: file.into(), what });
     }

@@ -102,6 +102,14 @@ fn decode(bytes: Vec<u8>, file: &str) -> Result<String, ImportError> {
     Ok(if text.starts_with(BYTE_ORDER_MARK) { text.trim_start_matches(BYTE_ORDER_MARK).into() } else { text })
 }
 
+/// True for a text whose first lines are those of a CARMEN log.
+pub(super) fn is_carmen(text: &str) -> bool {
+    let first = text.lines().filter(|line| !line.trim().is_empty() && !line.starts_with('#')).take(20);
+    first.filter_map(|line| line.split_whitespace().next()).any(|word| CARMEN.contains(&word))
+}
+
+/// How the lines of a CARMEN log begin.
+const CARMEN: [&str; 7] = ["ODOM", "SONAR", "ROBOTLASER1", "FLASER", "PARAM", "TRUEPOS", "SYNC"];
 const BYTE_ORDER_MARK: char = '\u{feff}';
 
 #[cfg(test)]
