@@ -4,8 +4,10 @@ use super::outputs::{ForceArg, imported_from};
 use super::{Failure, Kind, config};
 use clap::{Args, Subcommand};
 use slamd_capture::CaptureError;
-use slamd_eval::import::{Columns, Counting, ImportError, Options, RangeUnit, Scan, TimeUnit, bag, carmen, ring};
-use slamd_files::regular;
+use slamd_eval::import::{
+    Columns, Counting, Drive, ImportError, Options, RangeUnit, Scan, Summary, TimeUnit, bag, carmen, ring,
+};
+use slamd_files::{OutputGuard, regular};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
@@ -144,34 +146,39 @@ impl ImportArgs {
         let say = |remark: &String| super::terminal::tell(format_args!("{name}: {remark}"));
         drive.remarks().iter().for_each(say);
         let said = drive.remarks().len();
-        // A whole recording takes the place of its own earlier capture. That of another recording is kept under another name.
-        let mut there = Earlier::None;
-        let output = guard.output_replacing(&files.capture, |path| {
-            there = if drive.is_whole() { Earlier::at(path, drive.notes(), is_standard_input) } else { Earlier::None };
-            there != Earlier::None
-        })?;
-        let kept = if there == Earlier::Other { Some(keep(&files.capture)?) } else { None };
-        let written = drive.write(output);
-        if let (Err(_), Some(kept)) = (&written, &kept) {
-            // The capture is still there.
-            let _ = std::fs::remove_file(kept);
-        }
-        let summary = written?;
-        let capture = files.capture.display();
-        match (there, kept) {
-            (Earlier::Same, _) => {
-                super::terminal::tell(format_args!("{capture}: replaces an earlier capture of this recording"))
-            }
-            (_, Some(kept)) => super::terminal::tell(format_args!(
-                "{capture}: the capture of another recording that was here is now {}",
-                kept.display()
-            )),
-            _ => {}
-        }
+        let summary = write(drive, &mut guard, &files.capture, is_standard_input)?;
         summary.remarks.iter().skip(said).for_each(say);
         super::terminal::tell(format_args!("{}: {summary}", files.capture.display()));
         Ok(())
     }
+}
+
+/// Writes the capture. A whole recording takes the place of its own earlier capture; that of another recording is kept under another name.
+fn write(drive: Drive, guard: &mut OutputGuard, path: &Path, is_pipe: bool) -> Result<Summary, Failure> {
+    let mut there = Earlier::None;
+    let output = guard.output_replacing(path, |path| {
+        there = if drive.is_whole() { Earlier::at(path, drive.notes(), is_pipe) } else { Earlier::None };
+        there != Earlier::None
+    })?;
+    let kept = if there == Earlier::Other { Some(keep(path)?) } else { None };
+    let written = drive.write(output);
+    if let (Err(_), Some(kept)) = (&written, &kept) {
+        // The capture is still there.
+        let _ = std::fs::remove_file(kept);
+    }
+    let summary = written?;
+    let capture = path.display();
+    match (there, kept) {
+        (Earlier::Same, _) => {
+            super::terminal::tell(format_args!("{capture}: replaces an earlier capture of this recording"))
+        }
+        (_, Some(kept)) => super::terminal::tell(format_args!(
+            "{capture}: the capture of another recording that was here is now {}",
+            kept.display()
+        )),
+        _ => {}
+    }
+    Ok(summary)
 }
 
 /// What is in the way of a capture and may be.

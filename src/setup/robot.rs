@@ -132,6 +132,11 @@ pub(super) fn change(config: &mut Config, wiring: &mut Wiring, change: Change) {
     }
 }
 
+/// True if the ranges are scaled.
+fn is_scaled(range_scale: f64) -> bool {
+    (range_scale - 1.0).abs() > 1e-3
+}
+
 /// What ranges that are `factor` of the true ones are.
 fn range_unit(factor: f64) -> String {
     let unit = match factor {
@@ -210,7 +215,7 @@ pub(super) fn differences(
             found.push(format!("the {wheel} encoder counts backwards"));
         }
     }
-    if ring.range_scale != 1.0 {
+    if is_scaled(ring.range_scale) {
         found.push(range_unit(1.0 / ring.range_scale));
     }
     if ring.rotation_deg != 0.0 {
@@ -235,9 +240,9 @@ pub(super) fn to_toml(config: &Config, board: &Board, found: &[String]) -> Strin
     if let Some(ticks) = robot.ticks_per_turn {
         let _ = writeln!(text, "ticks_per_turn = {ticks}");
     }
-    if ring.mirrored || ring.rotation_deg != 0.0 || ring.range_scale != 1.0 {
+    if ring.mirrored || ring.rotation_deg != 0.0 || is_scaled(ring.range_scale) {
         let _ = writeln!(text, "\n[ring]\nrotation_deg = {}\nmirrored = {}", ring.rotation_deg, ring.mirrored);
-        if ring.range_scale != 1.0 {
+        if is_scaled(ring.range_scale) {
             let _ = writeln!(text, "range_scale = {}", ring.range_scale);
         }
     }

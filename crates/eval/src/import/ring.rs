@@ -167,7 +167,8 @@ fn parse(
     found.remarks.extend(broken.end(rows.len())?);
     if let Some(line) = cut_end::line(table, roles) {
         found.is_whole = false;
-        (rows.pop(), cells.pop());
+        rows.pop();
+        cells.pop();
         found.remarks.push(format!(
             "line {line}: the last row has no line end, and its last value is shorter than the others: it is cut off and left out"
         ));
