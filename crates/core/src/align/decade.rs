@@ -181,10 +181,10 @@ mod tests {
     fn factor(half_m: f64, reported: f64, reach_m: f64) -> f64 {
         let mut decade = Decade::new(3.0, Params::default());
         for step in 0..1_200_u32 {
-            let along_m = 0.8 * half_m * (f64::from(step) * 0.025 / half_m).sin();
-            let way_m = 0.8 * 0.025 * (f64::from(step) * 0.025 / half_m).cos();
+            let along_m = 0.8 * half_m * libm::sin(f64::from(step) * 0.025 / half_m);
+            let way_m = 0.8 * 0.025 * libm::cos(f64::from(step) * 0.025 / half_m);
             let echoes = (0..8_u8).filter_map(|sensor| {
-                let (sin, cos) = (f64::from(sensor) * std::f64::consts::FRAC_PI_4).sin_cos();
+                let (sin, cos) = libm::sincos(f64::from(sensor) * std::f64::consts::FRAC_PI_4);
                 let [x_m, y_m] = [(half_m - along_m * cos.signum()) / cos.abs(), half_m / sin.abs()];
                 let range_m = x_m.min(y_m) + 0.01 * f64::from(step % 3);
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a test's flight")]

@@ -50,7 +50,7 @@
 /// | `decade_straight` | 0.25 | 1 | wheels that differ by less than this part of both together | less: wheels that differ tell nothing; more: turns count as travel |
 /// | `decade_pings` | 20 | 1 | two seconds of a ring | less: chance decides; more: sparse sensors are left out |
 /// | `decade_span` | 1.7 | 1 | in a corridor, readings of its walls vary less | less: a corridor is called a wrong unit; more: a wrong unit stays unsaid |
-/// | `decade_varied` | 0.35 | 1 | simulated rooms: 0.1 for ten times too short, 1 for right ranges | less: a wrong unit stays unsaid; more: a narrow place is called a wrong unit |
+/// | `decade_varied` | 0.35 | 1 | by hand: simulated rooms give 0.1 for ranges ten times too short; of right ranges it was not measured | less: a wrong unit stays unsaid; more: a narrow place is called a wrong unit |
 /// | `decade_far_us` | 49,000 | µs | 8.4 m: twice the reach of usual sensors | less: ranges that count the way twice are called a wrong unit; more: a wrong unit stays unsaid |
 /// | `decade_far_share` | 0.05 | 1 | rooms have walls at 0.85 to 1.1 m, which lie there ten times too far | less: stray echoes count; more: a wrong unit stays unsaid |
 /// | `decade_far_ms` | 7 | ms | a timeout that is sent as an echo lies within one or two | less: timeouts are called a wrong unit; more: said late |
