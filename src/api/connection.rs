@@ -81,10 +81,7 @@ pub(super) async fn serve<S>(
             _ = snapshots.changed() => Wake::Snapshot,
             _ = maps.changed() => Wake::Map,
             () = sleep_until(deadline.into()) => Wake::Time,
-            () = place.lost() => {
-                client.refuse(state.now(), SENT_AWAY);
-                return send_away(&mut client, &mut reader, &mut writer).await;
-            }
+            () = place.lost() => return send_away(&mut client, state.now(), &mut reader, &mut writer).await,
         };
         let now = state.now();
         match wake {
@@ -145,12 +142,21 @@ pub(super) async fn refuse<S: AsyncRead + AsyncWrite + Unpin>(_counted: Counted,
 }
 
 /// Sends a stranger, whose place a newcomer has taken, what the socket takes at once.
-async fn send_away(client: &mut Client, reader: &mut (impl AsyncRead + Unpin), writer: &mut (impl AsyncWrite + Unpin)) {
+async fn send_away(
+    client: &mut Client,
+    at: Timestamp,
+    reader: &mut (impl AsyncRead + Unpin),
+    writer: &mut (impl AsyncWrite + Unpin),
+) {
+    client.refuse(at, SENT_AWAY);
     // A timeout of zero tries once and never waits.
     let sent = timeout(Duration::ZERO, async {
         while !client.outgoing().is_empty() {
             let count = writer.write(client.outgoing()).await?;
-            client.wrote(Timestamp::default(), count);
+            if count == 0 {
+                return Err(io::ErrorKind::WriteZero.into());
+            }
+            client.wrote(at, count);
         }
         writer.shutdown().await
     });
