@@ -21,6 +21,9 @@ use tokio::time::{sleep_until, timeout};
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
 const MAX_DRAINED: u64 = 1 << 20;
 const CHUNK: usize = 4096;
+/// What a stranger is told whose place a newcomer takes.
+const SENT_AWAY: &str =
+    "too many connections wait without the token: a newcomer has this place; connect again and send ?TOKEN at once";
 
 /// What woke the loop.
 enum Wake {
@@ -78,8 +81,7 @@ pub(super) async fn serve<S>(
             _ = snapshots.changed() => Wake::Snapshot,
             _ = maps.changed() => Wake::Map,
             () = sleep_until(deadline.into()) => Wake::Time,
-            // A newcomer takes the place of a stranger.
-            () = place.lost() => return,
+            () = place.lost() => return send_away(&mut client, state.now(), &mut reader, &mut writer).await,
         };
         let now = state.now();
         match wake {
@@ -137,6 +139,30 @@ pub(super) async fn refuse<S: AsyncRead + AsyncWrite + Unpin>(_counted: Counted,
     let message = Report::Error { message: TOO_MANY };
     let _ = timeout(DRAIN_TIMEOUT, writer.write_all(&message.line())).await;
     close(&mut reader, &mut writer).await;
+}
+
+/// Sends a stranger, whose place a newcomer has taken, what the socket takes at once.
+async fn send_away(
+    client: &mut Client,
+    at: Timestamp,
+    reader: &mut (impl AsyncRead + Unpin),
+    writer: &mut (impl AsyncWrite + Unpin),
+) {
+    client.refuse(at, SENT_AWAY);
+    // A timeout of zero tries once and never waits.
+    let sent = timeout(Duration::ZERO, async {
+        while !client.outgoing().is_empty() {
+            let count = writer.write(client.outgoing()).await?;
+            if count == 0 {
+                return Err(io::ErrorKind::WriteZero.into());
+            }
+            client.wrote(at, count);
+        }
+        writer.shutdown().await
+    });
+    let _: Result<io::Result<()>, _> = sent.await;
+    // Unread input would make the close a reset, which loses the line.
+    let _ = timeout(Duration::ZERO, tokio::io::copy(&mut reader.take(MAX_DRAINED), &mut tokio::io::sink())).await;
 }
 
 async fn close(reader: &mut (impl AsyncRead + Unpin), writer: &mut (impl AsyncWrite + Unpin)) {

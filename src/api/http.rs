@@ -92,6 +92,22 @@ fn bearer<'a>(headers: &[httparse::Header<'a>]) -> Option<&'a str> {
     scheme.eq_ignore_ascii_case("bearer").then_some(word.trim())
 }
 
+/// What the client is told of a request that is not answered.
+pub(super) const fn reason(status: Status) -> &'static str {
+    match status {
+        Status::BadRequest => "refused: this is no HTTP/1.1 request\n",
+        Status::Unauthorized => "refused: the token is missing or wrong; send \"Authorization: Bearer TOKEN\"\n",
+        Status::Forbidden => {
+            "refused: the request is a page's of another site; Host must be an IP address or localhost (with a token any name), \
+             and Origin, if there is one, must be http://HOST\n"
+        }
+        Status::NotFound => "there is no such page; there are /metrics and /healthz\n",
+        Status::MethodNotAllowed => "refused: only GET is allowed\n",
+        Status::HeadTooLong => "refused: the request's head is larger than 8 KiB or has more than 64 headers\n",
+        Status::Ok | Status::Unavailable => "",
+    }
+}
+
 /// A response as bytes.
 pub(super) fn answer(status: Status, body: &str) -> Vec<u8> {
     let (line, more) = match status {
@@ -174,6 +190,10 @@ mod tests {
         for headers in others {
             assert_eq!(get(headers, None), Some(Err(Status::Forbidden)), "{headers}");
         }
+        let refused = String::from_utf8(answer(Status::Forbidden, reason(Status::Forbidden))).unwrap();
+        let (head, body) = refused.split_once("\r\n\r\n").unwrap();
+        assert!(head.contains(&format!("\r\nContent-Length: {}\r\n", body.len())), "{refused}");
+        assert!(body.contains("another site") && body.contains("IP address or localhost"), "{refused}");
         let named = "Host: robot.lan:9879\r\nAuthorization: Bearer 0123456789abcdef\r\n";
         assert_eq!(get(named, Some(&token)), Some(Ok(Page::Metrics)), "with the token any name");
     }
@@ -182,7 +202,8 @@ mod tests {
         #[test]
         fn any_bytes_are_answered_or_waited_for(head: Vec<u8>) {
             if let Some(Err(status)) = read(&head, None) {
-                prop_assert!(answer(status, "").starts_with(b"HTTP/1.1 4"));
+                prop_assert!(reason(status).ends_with('\n'));
+                prop_assert!(answer(status, reason(status)).starts_with(b"HTTP/1.1 4"));
             }
         }
     }

@@ -1,6 +1,6 @@
 //! An HTTP connection: one request, one response, then it is closed.
 
-use super::http::{MAX_HEAD_BYTES, Page, Status, answer, read};
+use super::http::{MAX_HEAD_BYTES, Page, Status, answer, read, reason};
 use super::metrics::page;
 use super::server::ServerState;
 use super::token::Token;
@@ -23,11 +23,16 @@ const ANSWER: Duration = Duration::from_secs(4);
 pub(super) async fn serve(state: Rc<ServerState>, mut seat: Seat, mut stream: TcpStream, token: Option<Token>) {
     let asked = tokio::select! {
         asked = timeout(TIMEOUT, head(&mut stream, token.as_ref())) => asked,
-        () = seat.lost() => return,
+        () = seat.lost() => {
+            let told = (Status::Unavailable, "too many connections: send the request at once\n".into());
+            // What the socket takes at once.
+            let _ = timeout(Duration::ZERO, send(&mut stream, &told)).await;
+            return;
+        }
     };
     let Ok(Ok(asked)) = asked else { return };
     let (status, body) = match (asked, state.answering()) {
-        (Err(status), _) => (status, String::new()),
+        (Err(status), _) => (status, reason(status).into()),
         (Ok(_), None) => (Status::Unavailable, "too many requests\n".into()),
         (Ok(page), Some(counted)) => {
             // A place of its own, from here on.

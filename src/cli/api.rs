@@ -89,7 +89,7 @@ impl ApiArgs {
         }
         let [token, drive_token] = self.tokens()?;
         let socket = self.socket.clone().map(socket_path).transpose()?;
-        socket.as_deref().map(|path| guard.check(path)).transpose()?;
+        socket.as_deref().map(|path| guard.check_name(path)).transpose()?;
         let listeners =
             [self.listen.map(Listener::tcp), socket.as_deref().map(Listener::unix), self.metrics.map(Listener::http)];
         let listeners: Result<Vec<Listener>, ListenerError> = listeners.into_iter().flatten().collect();

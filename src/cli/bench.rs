@@ -8,7 +8,7 @@ use slamd_core::Method;
 use slamd_eval::bench::case::{Case, Choice, Table};
 use slamd_eval::bench::fleet::drive_all;
 use slamd_eval::bench::{paper, report, table};
-use slamd_files::{Output, OutputGuard, Refusal};
+use slamd_files::{Output, OutputGuard, Refusal, regular};
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
@@ -122,7 +122,7 @@ impl AccuracyArgs {
         bar.finish_and_clear();
         let runs = runs.map_err(|error| Failure::new(Kind::NoInput, error))?;
         if let Some(output) = output {
-            let before = std::fs::read_to_string(output.path()).unwrap_or_default();
+            let before = regular::read_text(output.path(), MAX_PAGE_BYTES).unwrap_or_default();
             write(output, report::document(&command(), &cases, &runs, &before).as_bytes())?;
         }
         terminal::say(report::tables(&cases, &runs));
@@ -159,12 +159,14 @@ fn output(guard: &mut OutputGuard, path: &Path) -> Result<Output, Failure> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or_else(|| Path::new("."));
     std::fs::create_dir_all(folder).map_err(|error| failure(path, &error))?;
     let is_own = |path: &Path| {
-        let text = std::fs::read_to_string(path).unwrap_or_default();
+        let text = regular::read_text(path, MAX_PAGE_BYTES).unwrap_or_default();
         text.lines().take(HEAD_LINES).any(|line| line.starts_with("Written by `slamd bench "))
     };
     Ok(guard.output_replacing(path, is_own)?)
 }
 
+/// A larger page is another program's.
+const MAX_PAGE_BYTES: u64 = 16 << 20;
 /// The command stands in the first lines of each page.
 const HEAD_LINES: usize = 10;
 

@@ -74,9 +74,13 @@ impl ManArgs {
     }
 }
 
+/// A larger page is another program's.
+const MAX_PAGE_BYTES: u64 = 1 << 20;
+
 /// True if an earlier slamd has written the page: it can be made again.
 fn is_page_of_slamd(path: &Path) -> bool {
-    std::fs::read_to_string(path).is_ok_and(|page| page.lines().take(5).any(|line| line.starts_with(".TH slamd")))
+    slamd_files::regular::read_text(path, MAX_PAGE_BYTES)
+        .is_ok_and(|page| page.lines().take(5).any(|line| line.starts_with(".TH slamd")))
 }
 
 /// Names the section of the examples in each page, and keeps their lines as they are.

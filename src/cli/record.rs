@@ -40,12 +40,9 @@ impl RecordArgs {
             return Ok(());
         }
         guard.claim(path)?;
-        if std::fs::metadata(path).map_or(true, |metadata| metadata.is_file()) {
-            let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-            let folder =
-                path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or_else(|| Path::new("."));
-            guard.claim_series(folder, [format!("{stem}-"), ".mcap".into()]);
-        }
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or_else(|| Path::new("."));
+        guard.claim_series(folder, [format!("{stem}-"), ".mcap".into()]);
         Ok(())
     }
 

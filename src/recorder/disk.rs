@@ -83,20 +83,17 @@ impl Disk for Folder {
 
     fn create(&mut self, part: u32) -> io::Result<PartFile> {
         let path = self.path(part);
-        // A pipe or a device that the user named holds no recording.
-        let is_stream = part == 1 && self.first.is_some() && std::fs::metadata(&path).is_ok_and(|it| !it.is_file());
-        if !is_stream && std::fs::symlink_metadata(&path).is_ok() {
+        if std::fs::symlink_metadata(&path).is_ok() {
             return Err(ErrorKind::AlreadyExists.into());
         }
-        if let Some(file) = (!is_stream).then(|| unnamed_file(&self.folder)).flatten() {
-            return Ok(PartFile { file, written: 0, is_seekable: true, name: Some(path) });
+        if let Some(file) = unnamed_file(&self.folder) {
+            return Ok(PartFile { file, written: 0, name: Some(path) });
         }
-        let file = if is_stream { private::open_stream(&path)? } else { private::create_new_file(&path)? };
-        Ok(PartFile { is_seekable: file.metadata()?.is_file(), file, written: 0, name: None })
+        Ok(PartFile { file: private::create_new_file(&path)?, written: 0, name: None })
     }
 
     fn presence(&mut self, part: u32, file: &PartFile) -> io::Result<Presence> {
-        if !file.is_seekable || file.name.is_some() {
+        if file.name.is_some() {
             return Ok(Presence::There);
         }
         let ours = file.file.metadata()?;
@@ -110,7 +107,7 @@ impl Disk for Folder {
 
     fn remove(&mut self, part: u32) -> io::Result<()> {
         let path = self.path(part);
-        // A pipe or a device that the user named stays.
+        // What others have put in its place stays.
         if std::fs::symlink_metadata(&path)?.is_file() { std::fs::remove_file(path) } else { Ok(()) }
     }
 
@@ -133,7 +130,6 @@ impl Disk for Folder {
 pub struct PartFile {
     file: File,
     written: u64,
-    is_seekable: bool,
     /// The name that the file gets with its first bytes, so that a kill leaves no empty file.
     name: Option<PathBuf>,
 }
@@ -152,7 +148,7 @@ fn own_path(file: &File) -> String {
 
 impl Write for PartFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let count = if self.is_seekable { self.file.write_at(bytes, self.written)? } else { self.file.write(bytes)? };
+        let count = self.file.write_at(bytes, self.written)?;
         if count > 0
             && let Some(name) = &self.name
         {
@@ -165,6 +161,6 @@ impl Write for PartFile {
 
     /// Syncs the file to the disk.
     fn flush(&mut self) -> io::Result<()> {
-        if self.is_seekable { self.file.sync_all() } else { Ok(()) }
+        self.file.sync_all()
     }
 }

@@ -5,6 +5,7 @@
 use slamd_testkit::mock_port::daemon::Daemon;
 use slamd_testkit::mock_port::{Board, Device, Plugged};
 use slamd_testkit::served::{Client, SOON, Served, get};
+use std::io::Read as _;
 use std::net::TcpStream;
 use std::os::unix::fs::PermissionsExt as _;
 use std::os::unix::net::UnixStream;
@@ -44,6 +45,15 @@ fn silent_strangers_keep_no_owner_out() {
     assert!(begin.elapsed() < AT_ONCE, "{:?}", begin.elapsed());
     let sent_away = page.lines().find_map(|line| line.strip_prefix("slamd_api_sent_away_total ")).unwrap();
     assert!(sent_away.parse::<u32>().unwrap() > 100, "{sent_away}");
+    // Who has lost the place to a newcomer reads why.
+    let mut words =
+        ["\"class\":\"ERROR\"", "HTTP/1.1 503 "].iter().zip(["a newcomer has this place", "too many connections"]);
+    for (strangers, (head, reason)) in strangers.iter().zip(&mut words) {
+        let (mut said, mut stranger) = (String::new(), &strangers[0]);
+        stranger.set_read_timeout(Some(AT_ONCE)).unwrap();
+        stranger.read_to_string(&mut said).unwrap();
+        assert!(said.contains(head) && said.contains(reason), "{said:?}");
+    }
     // Who has shown the token stays.
     early.ask("?POLL;");
     assert_eq!(early.expect("DEVICE")["link"], "searching");

@@ -225,10 +225,10 @@ fn only_a_recordings_own_files_are_deleted() {
 
 #[test]
 fn a_recording_that_cannot_begin_is_refused_with_the_cause() {
-    let full =
-        Recorder::begin(Folder::file("/dev/full".as_ref()), CaptureInfo::default(), Plan::default(), Arc::default());
-    let error = full.err().unwrap().to_string();
-    assert!(error.starts_with("/dev/full: No space left on device"), "{error}");
+    let nowhere = Folder::file("/nowhere/a.mcap".as_ref());
+    let nowhere = Recorder::begin(nowhere, CaptureInfo::default(), Plan::default(), Arc::default());
+    let error = nowhere.err().unwrap().to_string();
+    assert!(error.starts_with("/nowhere/a.mcap: No such file or directory"), "{error}");
     let disk = FaultyDisk::default();
     disk.set_mode(IoMode::Room(10));
     let error = Tape::begin(disk, CaptureInfo::default(), Plan::default()).err().unwrap();

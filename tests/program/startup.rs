@@ -34,9 +34,8 @@ fn pipes_devices_and_giants_are_named_as_what_they_are() {
     let path = |name: &str| -> PathBuf { folder.path().join(name) };
     rustix::fs::mkfifoat(CWD, path("pipe"), Mode::RUSR | Mode::WUSR).unwrap();
     rustix::fs::mkfifoat(CWD, path("pipe.toml"), Mode::RUSR | Mode::WUSR).unwrap();
-    // Ten gigabytes without a byte on the disk.
     for name in ["giant", "giant.toml"] {
-        File::create(path(name)).unwrap().set_len(10 << 30).unwrap();
+        giant(&path(name));
         std::fs::set_permissions(path(name), std::fs::Permissions::from_mode(0o600)).unwrap();
     }
     let run = ["--port", "/dev/nowhere", "--exit-on-hangup"];
@@ -81,6 +80,82 @@ fn a_session_that_is_a_pipe_is_named_before_the_map_begins() {
     }
 }
 
+/// A file of ten gigabytes without a byte on the disk.
+fn giant(path: &Path) {
+    File::create(path).unwrap().set_len(10 << 30).unwrap();
+}
+
+#[test]
+fn results_that_are_pipes_devices_and_giants_hang_no_run() {
+    let capture = Path::new(env!("CARGO_MANIFEST_DIR")).join("replay/flat-paper-faults.mcap");
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let replay = ["replay", capture.to_str().unwrap(), "--out"];
+    let run = ["--port", "/dev/nowhere", "--duration", "0.2", "--out"];
+    for name in slamd_publish::RESULTS {
+        for (number, is_pipe) in [true, false].into_iter().enumerate() {
+            let out = format!("{name}-{number}");
+            std::fs::create_dir(path(&out)).unwrap();
+            // A run that has mapped nothing: its results may be replaced.
+            std::fs::write(path(&out).join("summary.json"), r#"{"nothing_mapped":"no frames"}"#).unwrap();
+            let _ = std::fs::remove_file(path(&out).join(name));
+            if is_pipe {
+                rustix::fs::mkfifoat(CWD, path(&out).join(name), Mode::RUSR | Mode::WUSR).unwrap();
+            } else {
+                std::os::unix::fs::symlink("/dev/zero", path(&out).join(name)).unwrap();
+            }
+            let words = format!("{out}/{name} is a {}, not a file", if is_pipe { "pipe" } else { "device" });
+            for command in [&replay[..], &run] {
+                let arguments = [command, &[&out]].concat();
+                let (code, said) = ends(folder.path(), &arguments);
+                assert!(code == 73 && said.contains(&words), "{arguments:?}: {code}: {said}");
+                assert!(!said.contains("/dev/nowhere"), "{arguments:?}: it has waited for the port: {said}");
+            }
+        }
+    }
+    std::fs::create_dir(path("held")).unwrap();
+    giant(&path("held/summary.json"));
+    let (code, said) = ends(folder.path(), &[&replay[..], &["held"]].concat());
+    assert!(code == 73 && said.contains("held holds the results of a robot's drive"), "{code}: {said}");
+}
+
+#[test]
+fn outputs_that_are_pipes_and_devices_are_named_before_anything_runs() {
+    let capture = Path::new(env!("CARGO_MANIFEST_DIR")).join("replay/flat-paper-faults.mcap");
+    let capture = capture.to_str().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    rustix::fs::mkfifoat(CWD, folder.path().join("pipe"), Mode::RUSR | Mode::WUSR).unwrap();
+    std::os::unix::fs::symlink("pipe", folder.path().join("link")).unwrap();
+    std::os::unix::fs::symlink("/dev/zero", folder.path().join("zero")).unwrap();
+    let run = ["--port", "/dev/nowhere", "--duration", "0.2"];
+    // A drive of all worlds takes hours, so nothing has run.
+    let bench = ["bench", "accuracy", "--table", "grid", "--out"];
+    let commands: [&[&str]; 12] = [
+        &[&run[..], &["--record"]].concat(),
+        &[&run[..], &["--save-session"]].concat(),
+        &[&run[..], &["--save-calibration"]].concat(),
+        &["simulate", "--duration", "100000", "--capture"],
+        &["export", capture, "--csv"],
+        &["export", capture, "--tum"],
+        &["export", capture, "--mcap"],
+        &["export", capture, "--svg"],
+        &["replay", capture, "--save-session"],
+        &["replay", capture, "--save-calibration"],
+        &["calibrate", capture, "--out"],
+        &bench,
+    ];
+    for command in commands {
+        for (name, what) in [("pipe", "a pipe"), ("link", "a pipe"), ("zero", "a device")] {
+            let arguments = [command, &[name, "--force"]].concat();
+            let (code, said) = ends(folder.path(), &arguments);
+            let words = format!("{name} is {what}, not a file");
+            assert!(code == 73 && said.contains(&words), "{arguments:?}: {code}: {said}");
+            assert!(!said.contains("/dev/nowhere"), "{arguments:?}: it has waited for the port: {said}");
+        }
+    }
+    assert!(!folder.path().join("slamd-out").exists(), "nothing has begun");
+}
+
 #[test]
 fn what_a_run_cannot_use_is_named_before_the_wait_for_the_port() {
     let folder = tempfile::tempdir().unwrap();
@@ -91,8 +166,8 @@ fn what_a_run_cannot_use_is_named_before_the_wait_for_the_port() {
     let held = File::open(path("held")).unwrap();
     rustix::fs::flock(&held, rustix::fs::FlockOperation::NonBlockingLockExclusive).unwrap();
     for (options, code, words) in [
-        (["--session", "pipe"], 74, "it is a pipe, not a file"),
-        (["--session", "/dev/zero"], 74, "it is a device, not a file"),
+        (["--session", "pipe"], 73, "pipe is a pipe, not a file"),
+        (["--session", "/dev/zero"], 73, "/dev/zero is a device, not a file"),
         (["--resume", "pipe"], 74, "it is a pipe, not a file"),
         (["--resume", "missing"], 66, "there is no such file"),
         (["--localize", "/dev/zero"], 74, "it is a device, not a file"),

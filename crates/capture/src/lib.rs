@@ -91,7 +91,7 @@ pub enum CaptureError {
     },
     /// A capture without its description.
     #[error(
-        "{}: its metadata record `slamd` is missing, and with it the robot's configuration: another program has rewritten the capture; \
+        "{}: its metadata record `slamd` is missing, and with it the robot's configuration: the capture is damaged, or rewritten by another program; \
          use the original, or keep the metadata (`mcap filter --include-metadata`)",
         .0.display()
     )]

@@ -366,3 +366,32 @@ fn other_mcap_files_are_named_as_what_they_are() {
     std::mem::forget(writer);
     assert!(read(&path).0.is_empty());
 }
+
+#[test]
+fn a_damaged_head_without_a_copy_is_called_damaged_and_a_damaged_magic_refuses_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("older.mcap");
+    let options = mcap::WriteOptions::new().profile("slamd").compression(None);
+    let mut writer = options.create(fs::File::create(&path).unwrap()).unwrap();
+    writer.write_metadata(&info().to_metadata()).unwrap();
+    let channel_id = writer.add_channel(0, RECEIVED_TOPIC, "", &BTreeMap::new()).unwrap();
+    let header = mcap::records::MessageHeader { channel_id, sequence: 0, log_time: 1, publish_time: 1 };
+    writer.write_to_known_channel(&header, b"x").unwrap();
+    writer.finish().unwrap();
+    assert_eq!(CaptureReader::open(&path).unwrap().info(), &info());
+    let file = fs::read(&path).unwrap();
+    // The first text of this kind is the profile.
+    let name = file.windows(9).enumerate().filter(|(_, text)| text == b"\x05\0\0\0slamd").nth(1).unwrap().0 + 4;
+    let magic = (0..8).map(|position| (position, "not an MCAP file"));
+    let head = (name..name + 5).map(|position| (position, "the capture is damaged, or rewritten by another program"));
+    for (position, words) in magic.chain(head) {
+        // With bit 7 a name is no text, and its record is skipped as damaged.
+        for bit in 0..7 {
+            let mut damaged = file.clone();
+            damaged[position] ^= 1 << bit;
+            fs::write(&path, damaged).unwrap();
+            let error = CaptureReader::open(&path).err().unwrap().to_string();
+            assert!(error.contains(words), "bit {bit} of byte {position}: {error}");
+        }
+    }
+}

@@ -4,7 +4,7 @@ use rustix::fs::{FlockOperation, flock};
 use rustix::io::Errno;
 use std::fs::{self, File, Metadata};
 use std::io::{self, ErrorKind};
-use std::os::unix::fs::{FileTypeExt as _, MetadataExt as _};
+use std::os::unix::fs::MetadataExt as _;
 use std::path::Path;
 
 /// Marks an open file as being written until it is closed. Some network file systems have no locks: then it is not marked.
@@ -28,12 +28,6 @@ pub(crate) fn existing(path: &Path) -> io::Result<Option<Metadata>> {
         Some(metadata) => Ok(Some(metadata)),
         None => missing(fs::symlink_metadata(path)),
     }
-}
-
-/// A pipe, a socket or a device such as a terminal.
-pub(crate) fn is_stream(metadata: &Metadata) -> bool {
-    let kind = metadata.file_type();
-    kind.is_fifo() || kind.is_char_device() || kind.is_socket()
 }
 
 /// Nobody may write the file; that its owner could change that does not count, not even for root.

@@ -3,8 +3,9 @@
 use crate::part_file::remove_parts;
 use rustix::fs::{FlockOperation, flock};
 use rustix::io::Errno;
-use std::fs::File;
+use std::fs::{File, OpenOptions};
 use std::io;
+use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::{Path, PathBuf};
 
 /// Keeps other runs out of a folder until it is dropped, or the process ends.
@@ -37,7 +38,9 @@ impl FolderLock {
     /// When another run has locked it, or it is no folder that can be read.
     pub fn new(folder: &Path, names: &[&str]) -> Result<Self, LockError> {
         let system = |source| LockError::System { path: folder.into(), source };
-        let file = File::open(folder).map_err(system)?;
+        // A pipe that has taken its place is not waited for.
+        let flags = rustix::fs::OFlags::NONBLOCK.bits().cast_signed();
+        let file = OpenOptions::new().read(true).custom_flags(flags).open(folder).map_err(system)?;
         if !file.metadata().map_err(system)?.is_dir() {
             return Err(LockError::NoFolder(folder.into()));
         }

@@ -1,6 +1,7 @@
 //! Whether a command may write a file: never onto one of its inputs, and onto an existing file only if it is told to.
 
-use crate::existing::{existing, folder_of, is_being_written, is_read_only, is_stream};
+use crate::existing::{existing, folder_of, is_being_written, is_read_only};
+use crate::regular::other_than_file;
 use crate::{PartFile, WriteError};
 use std::fs;
 use std::os::unix::fs::MetadataExt as _;
@@ -37,6 +38,14 @@ pub enum Refusal {
     /// It is a folder.
     #[error("{} is a folder; name a file", .0.display())]
     Folder(PathBuf),
+    /// It is a pipe, a socket or a device, or a folder among a run's results. Writing could wait for a reader without end, or never be full.
+    #[error("{} is {what}, not a file; choose another place for the output", path.display())]
+    NoFile {
+        /// The output.
+        path: PathBuf,
+        /// What it is.
+        what: &'static str,
+    },
     /// A file of this name exists.
     #[error("{} exists and is kept; name another file, or --force replaces it", .0.display())]
     Exists(PathBuf),
@@ -119,14 +128,10 @@ impl OutputGuard {
     /// The command writes a file of this name by other means, which decide whether it may. No other output may have the name.
     ///
     /// # Errors
-    /// When another output has it, or it is a hyphen.
+    /// When another output has it, or it is a hyphen, a folder, a pipe, a socket or a device.
     pub fn claim(&mut self, path: &Path) -> Result<(), Refusal> {
-        if path.as_os_str() == "-" {
-            return Err(Refusal::Hyphen);
-        }
-        if fs::metadata(path).is_ok_and(|metadata| is_stream(&metadata) || metadata.is_dir()) {
-            return Ok(());
-        }
+        no_hyphen(path)?;
+        no_other_than_file(path)?;
         let identity = Identity::of(path);
         if self.outputs.contains(&identity) || self.is_of_series(path) {
             return Err(Refusal::Twice(path.into()));
@@ -158,7 +163,7 @@ impl OutputGuard {
     /// A file that the command creates.
     ///
     /// # Errors
-    /// When it is an input, another output or a folder; when it exists and `--force` was not given, or is read-only; when its folder
+    /// When it is an input, another output, a folder, a pipe, a socket or a device; when it exists and `--force` was not given, or is read-only; when its folder
     /// does not exist or cannot be written.
     pub fn output(&mut self, path: &Path) -> Result<Output, Refusal> {
         self.output_replacing(path, |_| false)
@@ -177,8 +182,6 @@ impl OutputGuard {
         let error = |source| WriteError { path: path.into(), source };
         let replaces = match existing(path).map_err(error)? {
             None => self.force,
-            // A pipe or a device holds nothing that could be lost.
-            Some(metadata) if is_stream(&metadata) => true,
             Some(_) if is_being_written(path) => return Err(Refusal::InUse(path.into())),
             Some(metadata) if is_read_only(&metadata) => return Err(Refusal::ReadOnly(path.into())),
             Some(_) if self.force || may_be_replaced(path) => true,
@@ -188,20 +191,29 @@ impl OutputGuard {
         Ok(Output { path: path.into(), replaces })
     }
 
-    /// Checks only what can never be right: the file is an input, another output or a folder, or its folder cannot be written.
+    /// Checks only what can never be right: the file is an input, another output, a folder, a pipe, a socket or a device, or its folder cannot
+    /// be written.
     ///
     /// # Errors
     /// As [`OutputGuard::output`], except for an existing file.
     pub fn check(&self, path: &Path) -> Result<(), Refusal> {
-        if path.as_os_str() == "-" {
-            return Err(Refusal::Hyphen);
+        no_hyphen(path)?;
+        if !path.is_dir() {
+            no_other_than_file(path)?;
         }
+        self.check_name(path)
+    }
+
+    /// The same of a socket to listen on, which may exist.
+    ///
+    /// # Errors
+    /// As [`OutputGuard::check`], except for what exists.
+    pub fn check_name(&self, path: &Path) -> Result<(), Refusal> {
         let identity = Identity::of(path);
-        let is_stream = fs::metadata(path).is_ok_and(|metadata| is_stream(&metadata));
-        if self.inputs.contains(&identity) && !is_stream {
+        if self.inputs.contains(&identity) {
             return Err(Refusal::Input(path.into()));
         }
-        if (self.outputs.contains(&identity) || self.is_of_series(path)) && !is_stream {
+        if self.outputs.contains(&identity) || self.is_of_series(path) {
             return Err(Refusal::Twice(path.into()));
         }
         if path.is_dir() || path.as_os_str().as_encoded_bytes().ends_with(b"/") {
@@ -216,22 +228,18 @@ impl OutputGuard {
         if !metadata.is_dir() {
             return Err(error(rustix::io::Errno::NOTDIR.into()));
         }
-        if !is_stream {
-            rustix::fs::access(folder, rustix::fs::Access::WRITE_OK).map_err(|errno| error(errno.into()))?;
-        }
-        Ok(())
+        rustix::fs::access(folder, rustix::fs::Access::WRITE_OK).map_err(|errno| error(errno.into()))
     }
 
-    /// Checks that files of these names in a folder are none of the command's inputs.
+    /// Checks that what has these names in a folder are files, and none of the command's inputs.
     ///
     /// # Errors
-    /// Which is.
+    /// Which is not.
     pub fn check_folder(&self, folder: &Path, names: &[&str]) -> Result<(), Refusal> {
-        let paths = names.iter().map(|name| folder.join(name));
-        match paths.into_iter().find(|path| self.inputs.contains(&Identity::of(path))) {
-            Some(path) => Err(Refusal::Input(path)),
-            None => Ok(()),
-        }
+        names.iter().map(|name| folder.join(name)).try_for_each(|path| {
+            no_other_than_file(&path)?;
+            if self.inputs.contains(&Identity::of(&path)) { Err(Refusal::Input(path)) } else { Ok(()) }
+        })
     }
 }
 
@@ -266,120 +274,16 @@ impl Output {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use std::os::unix::fs::{PermissionsExt as _, symlink};
-
-    struct Folder(tempfile::TempDir);
-
-    impl Folder {
-        fn new() -> Self {
-            let folder = tempfile::tempdir().unwrap();
-            fs::write(folder.path().join("drive.csv"), "input").unwrap();
-            fs::write(folder.path().join("old.mcap"), "old").unwrap();
-            Self(folder)
-        }
-
-        fn path(&self, name: &str) -> PathBuf {
-            self.0.path().join(name)
-        }
-
-        fn guard(&self, force: bool) -> OutputGuard {
-            OutputGuard::new(force).reads(&self.path("drive.csv"))
-        }
-
-        fn text(&self, name: &str) -> String {
-            fs::read_to_string(self.path(name)).unwrap()
-        }
-    }
-
-    #[test]
-    fn an_input_is_never_written_whatever_it_is_called() {
-        let folder = Folder::new();
-        symlink("drive.csv", folder.path("link")).unwrap();
-        fs::hard_link(folder.path("drive.csv"), folder.path("hard")).unwrap();
-        fs::create_dir(folder.path("sub")).unwrap();
-        for name in ["drive.csv", "link", "hard", "sub/../drive.csv", "./drive.csv"] {
-            for force in [false, true] {
-                let refusal = folder.guard(force).output(&folder.path(name)).unwrap_err();
-                assert!(refusal.is_usage() && refusal.to_string().contains("would be written over"), "{refusal}");
-            }
-        }
-        let refusal = folder.guard(true).check_folder(folder.0.path(), &["map.png", "drive.csv"]).unwrap_err();
-        assert!(matches!(refusal, Refusal::Input(_)));
-    }
-
-    #[test]
-    fn an_existing_file_is_kept_unless_forced() {
-        let folder = Folder::new();
-        let old = folder.path("old.mcap");
-        assert!(matches!(folder.guard(false).output(&old), Err(Refusal::Exists(_))));
-        symlink("nowhere", folder.path("dangling")).unwrap();
-        assert!(matches!(folder.guard(false).output(&folder.path("dangling")), Err(Refusal::Exists(_))));
-        let own = folder.guard(false).output_replacing(&old, |path| path.ends_with("old.mcap"));
-        own.unwrap().write(b"own").unwrap();
-        assert_eq!(folder.text("old.mcap"), "own");
-        folder.guard(true).output(&old).unwrap().write(b"forced").unwrap();
-        assert_eq!(folder.text("old.mcap"), "forced");
-        fs::set_permissions(&old, fs::Permissions::from_mode(0o444)).unwrap();
-        assert!(matches!(folder.guard(true).output(&old), Err(Refusal::ReadOnly(_))));
-    }
-
-    #[test]
-    fn folders_missing_folders_and_second_uses_are_named() {
-        let folder = Folder::new();
-        fs::create_dir(folder.path("dir")).unwrap();
-        let mut guard = folder.guard(true);
-        for name in ["dir", "new/"] {
-            assert!(matches!(guard.output(&folder.path(name)), Err(Refusal::Folder(_))), "{name}");
-        }
-        let missing = guard.output(&folder.path("nowhere/x")).unwrap_err();
-        assert!(!missing.is_usage() && missing.to_string().contains("nowhere/x: No such file"), "{missing}");
-        assert!(guard.output(&folder.path("old.mcap/x")).unwrap_err().to_string().contains("Not a directory"));
-        let mut coming = folder.guard(false).fills(&folder.path("a/out"), &["map.png"]);
-        coming.output(&folder.path("a/home.session")).unwrap();
-        assert!(coming.output(&folder.path("b/home.session")).is_err());
-        guard.output(&folder.path("new")).unwrap();
-        assert!(matches!(guard.output(&folder.path("dir/../new")), Err(Refusal::Twice(_))));
-        guard.output(Path::new("/dev/null")).unwrap().write(b"gone").unwrap();
-        assert!(guard.output(Path::new("/dev/null")).is_ok(), "a device may be used twice");
-    }
-
-    #[test]
-    fn a_claimed_name_is_no_other_outputs() {
-        let folder = Folder::new();
-        let mut guard = folder.guard(true).fills(&folder.path("a/out"), &["map.png"]);
-        for name in ["old.mcap", "a/out/drive.mcap", "drive.csv"] {
-            guard.claim(&folder.path(name)).unwrap();
-            assert!(matches!(guard.claim(&folder.path(name)), Err(Refusal::Twice(_))), "{name}");
-        }
-        for name in ["./old.mcap", "a/out/map.png", "a/./out/map.png"] {
-            assert!(matches!(guard.output(&folder.path(name)), Err(Refusal::Twice(_))), "{name}");
-        }
-        guard.output(&folder.path("a/out/other.session")).unwrap();
-        (0..2).for_each(|_| guard.claim(Path::new("/dev/null")).unwrap());
-    }
-
-    #[test]
-    fn numbered_files_are_no_other_outputs() {
-        let folder = Folder::new();
-        let mut guard = folder.guard(true);
-        guard.claim_series(folder.0.path(), ["drive-".into(), ".mcap".into()]);
-        let mut is_taken = |name: &str| matches!(guard.output(&folder.path(name)), Err(Refusal::Twice(_)));
-        assert!(["drive-0002.mcap", "./drive-0003.mcap", "drive-10-0004.mcap"].into_iter().all(&mut is_taken));
-        assert!(!["drive-2.session", "drive-a.mcap", "my-drive-0002.mcap"].into_iter().any(is_taken));
-    }
-
-    #[test]
-    fn a_file_that_appears_meanwhile_is_kept() {
-        let folder = Folder::new();
-        let mut file = folder.guard(false).output(&folder.path("new")).unwrap().begin().unwrap();
-        file.append(b"ours");
-        fs::write(folder.path("new"), "theirs").unwrap();
-        let error = file.finish().unwrap_err();
-        assert!(error.to_string().ends_with("new: File exists (os error 17)"), "{error}");
-        assert_eq!(folder.text("new"), "theirs");
-        assert_eq!(fs::read_dir(folder.0.path()).unwrap().count(), 3, "no half file is left");
-    }
+/// A hyphen stands for standard output elsewhere; here it would become a file of that name.
+fn no_hyphen(path: &Path) -> Result<(), Refusal> {
+    if path.as_os_str() == "-" { Err(Refusal::Hyphen) } else { Ok(()) }
 }
+
+/// Refuses what exists and is no file. What cannot be examined is left to the command's own error.
+fn no_other_than_file(path: &Path) -> Result<(), Refusal> {
+    let Ok(Some(metadata)) = existing(path) else { return Ok(()) };
+    other_than_file(metadata.file_type()).map_or(Ok(()), |what| Err(Refusal::NoFile { path: path.into(), what }))
+}
+
+#[cfg(test)]
+mod tests;

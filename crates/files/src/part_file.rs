@@ -3,7 +3,7 @@
 //! A temporary disk failure does not end the run: unwritten bytes stay in memory, up to a limit, and
 //! are written with the bytes that follow. Only [`PartFile::finish`] reports an error.
 
-use crate::existing::{folder_of, is_stream, mark_as_written};
+use crate::existing::{folder_of, mark_as_written};
 use crate::guard::Output;
 use crate::private;
 use sha2::{Digest, Sha256};
@@ -32,7 +32,6 @@ pub struct PartFile {
     temporary: Option<TempPath>,
     /// True if the file may take the place of another.
     replaces: bool,
-    is_stream: bool,
     pending: Vec<u8>,
     /// Number of pending bytes that triggers the next write.
     write_at: usize,
@@ -74,16 +73,12 @@ impl PartFile {
     }
 
     fn open(path: &Path, replaces: bool) -> Result<Self, WriteError> {
-        let is_stream = fs::metadata(path).is_ok_and(|metadata| is_stream(&metadata));
-        let opened = if is_stream {
-            private::open_stream(path).map(|file| (file, None))
-        } else {
-            temporary(path).inspect(|(file, _)| mark_as_written(file)).map(|(file, path)| (file, Some(path)))
-        };
-        let (file, temporary) = opened.map_err(|source| WriteError { path: path.into(), source })?;
+        let (file, temporary) = temporary(path).map_err(|source| WriteError { path: path.into(), source })?;
+        mark_as_written(&file);
+        let temporary = Some(temporary);
         let (pending, write_at) = (Vec::with_capacity(BLOCK), BLOCK);
         let sha256 = Sha256::new();
-        Ok(Self { path: path.into(), file, temporary, replaces, is_stream, pending, write_at, failure: None, sha256 })
+        Ok(Self { path: path.into(), file, temporary, replaces, pending, write_at, failure: None, sha256 })
     }
 
     /// Appends bytes.
@@ -145,7 +140,7 @@ impl PartFile {
             Some(failure) => Err(failure),
             None => drain(&mut self.pending, &mut self.file),
         };
-        let synced = written.and_then(|()| if self.is_stream { Ok(()) } else { self.file.sync_all() });
+        let synced = written.and_then(|()| self.file.sync_all());
         synced.map_err(|source| WriteError { path: self.path.clone(), source })?;
         let sha256 = self.sha256.finalize().iter().fold(String::new(), |mut hex, byte| {
             let _ = write!(hex, "{byte:02x}");

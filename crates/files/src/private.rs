@@ -17,28 +17,21 @@ const MAX_SECRET_BYTES: u64 = 64 << 10;
 /// may be somebody else's and is kept.
 ///
 /// # Errors
-/// When it cannot be created, or is a link or has a second name.
+/// When it cannot be created, is no regular file or a link, or has a second name.
 pub fn create_file(path: &Path) -> io::Result<File> {
-    let flags = OFlags::NOFOLLOW.bits().cast_signed();
+    // A pipe that nobody reads is not waited for.
+    let flags = (OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::NOCTTY).bits().cast_signed();
     let file = OpenOptions::new().write(true).create(true).truncate(false).mode(FILE).custom_flags(flags).open(path)?;
     let metadata = file.metadata()?;
-    if metadata.is_file() {
-        if metadata.nlink() > 1 {
-            return Err(io::Error::new(ErrorKind::AlreadyExists, "the file has another name, too"));
-        }
-        file.set_len(0)?;
+    if let Some(what) = regular::other_than_file(metadata.file_type()) {
+        return Err(regular::unfit(what));
     }
+    if metadata.nlink() > 1 {
+        return Err(io::Error::new(ErrorKind::AlreadyExists, "the file has another name, too"));
+    }
+    file.set_len(0)?;
     close_to_others(&file)?;
     Ok(file)
-}
-
-/// Opens a pipe or a device that the user named as an output. It may be reached through a link.
-///
-/// # Errors
-/// When it cannot be opened; [`ErrorKind::AlreadyExists`] when it is a file.
-pub fn open_stream(path: &Path) -> io::Result<File> {
-    let file = OpenOptions::new().write(true).open(path)?;
-    if file.metadata()?.is_file() { Err(ErrorKind::AlreadyExists.into()) } else { Ok(file) }
 }
 
 /// Creates a new file.
@@ -93,11 +86,10 @@ pub fn secret(path: &Path) -> Result<String, String> {
     regular::rest_of(file, MAX_SECRET_BYTES).and_then(regular::text).map_err(system)
 }
 
-/// Removes the access of others, because an existing file keeps its mode when it is opened. Pipes and
-/// devices keep theirs.
+/// Removes the access of others, because an existing file keeps its mode when it is opened.
 fn close_to_others(file: &File) -> io::Result<()> {
     let metadata = file.metadata()?;
-    if metadata.is_file() && metadata.permissions().mode() & 0o077 != 0 {
+    if metadata.permissions().mode() & 0o077 != 0 {
         file.set_permissions(Permissions::from_mode(FILE))?;
     }
     Ok(())

@@ -1,6 +1,6 @@
 //! Reads files that a user names: regular ones only, up to a size, without waiting.
 
-use std::fs::{File, OpenOptions};
+use std::fs::{File, FileType, OpenOptions};
 use std::io::{self, ErrorKind, Read as _};
 use std::os::unix::fs::{FileTypeExt as _, OpenOptionsExt as _};
 use std::path::Path;
@@ -18,18 +18,25 @@ pub fn open(path: &Path) -> io::Result<File> {
         _ => error,
     })?;
     let kind = file.metadata()?.file_type();
-    if kind.is_file() {
-        return Ok(file);
+    match other_than_file(kind) {
+        None => Ok(file),
+        Some(_) if kind.is_dir() => Err(io::Error::from_raw_os_error(rustix::io::Errno::ISDIR.raw_os_error())),
+        Some(what) => Err(unfit(what)),
     }
-    Err(match () {
-        () if kind.is_dir() => io::Error::from_raw_os_error(rustix::io::Errno::ISDIR.raw_os_error()),
-        () if kind.is_fifo() => unfit("a pipe"),
-        () if kind.is_socket() => unfit("a socket"),
-        () => unfit("a device"),
-    })
 }
 
-fn unfit(what: &str) -> io::Error {
+/// What it is, if it is no regular file. A link that leads nowhere is one.
+pub(crate) fn other_than_file(kind: FileType) -> Option<&'static str> {
+    match () {
+        () if kind.is_file() || kind.is_symlink() => None,
+        () if kind.is_dir() => Some("a folder"),
+        () if kind.is_fifo() => Some("a pipe"),
+        () if kind.is_socket() => Some("a socket"),
+        () => Some("a device"),
+    }
+}
+
+pub(crate) fn unfit(what: &str) -> io::Error {
     io::Error::new(ErrorKind::InvalidInput, format!("it is {what}, not a file"))
 }
 

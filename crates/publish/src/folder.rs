@@ -2,7 +2,7 @@
 
 use super::WriteError;
 use serde::{Deserialize, Serialize};
-use slamd_files::{FolderLock, LockError, OutputGuard, Refusal, private};
+use slamd_files::{FolderLock, LockError, OutputGuard, Refusal, private, regular};
 use std::fs::{self, DirBuilder};
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
@@ -43,7 +43,7 @@ pub enum FolderError {
         .0.display()
     )]
     Kept(PathBuf),
-    /// One of the results would be written over an input.
+    /// One of the results would be written over an input, or has the name of something that is no file.
     #[error(transparent)]
     Refused(#[from] Refusal),
     /// Another run is using it, or it is no folder.
@@ -177,6 +177,9 @@ fn create_new_folder(path: &Path) -> io::Result<()> {
     DirBuilder::new().mode(0o700).create(path)
 }
 
+/// Largest `summary.json` that is read; slamd writes some kilobytes.
+const MAX_SUMMARY_BYTES: u64 = 1 << 20;
+
 /// What an earlier run says of itself in its `summary.json`.
 #[derive(Deserialize)]
 struct Held {
@@ -185,9 +188,9 @@ struct Held {
 }
 
 impl Held {
-    /// None where the summary is missing, as after a power cut, or is another program's.
+    /// None where the summary is missing, as after a power cut, or is another program's, as a giant is.
     fn read(folder: &Path) -> Option<Self> {
-        serde_json::from_slice(&fs::read(folder.join("summary.json")).ok()?).ok()
+        serde_json::from_slice(&regular::read(&folder.join("summary.json"), MAX_SUMMARY_BYTES).ok()?).ok()
     }
 }
 
@@ -235,6 +238,21 @@ mod tests {
         assert_eq!(after(Some(&replay(None)), true, robot(2), false), Ok(None));
         assert_eq!(after(Some(&replay(None)), true, replay(None), false), Ok(None));
         assert_eq!(after(Some(&robot(1)), false, replay(None), false), Ok(None), "nothing had been mapped");
+    }
+
+    #[test]
+    fn a_giant_summary_is_another_programs() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("summary.json");
+        let mut text = serde_json::json!({ "nothing_mapped": null, "source": replay(None) }).to_string();
+        fs::write(&path, &text).unwrap();
+        assert!(Held::read(folder.path()).is_some());
+        text.extend(std::iter::repeat_n(' ', 1 << 20));
+        fs::write(&path, text).unwrap();
+        assert!(Held::read(folder.path()).is_none());
+        // Ten gigabytes without a byte on the disk.
+        fs::File::create(&path).unwrap().set_len(10 << 30).unwrap();
+        assert!(Held::read(folder.path()).is_none());
     }
 
     #[test]

@@ -32,7 +32,9 @@ const RETRY: Duration = Duration::from_millis(20);
 const ACCEPT_RETRY: Duration = Duration::from_millis(100);
 /// How every HTTP/2 connection begins.
 const PREFACE: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
-const FORBIDDEN: &[u8] = b"HTTP/1.1 403 Forbidden\r\nContent-Length: 0\r\nConnection: close\r\n\r\n";
+/// What a page of another site is told.
+const REFUSED: &str = "refused: the request is a page's of another site, or no request; Host must be an IP address or localhost, and Origin, if \
+                       there is one, must be this server or the web viewer that slamd has started\n";
 
 /// The open door; dropping it closes it.
 #[derive(Debug)]
@@ -167,7 +169,7 @@ fn pass(mut client: TcpStream, place: &Place) -> io::Result<()> {
             Verdict::Wait if count > 0 && head.len() < MAX_HEAD_BYTES => {}
             Verdict::Pass(forwarded) => break forwarded,
             _ => {
-                client.write_all(FORBIDDEN)?;
+                client.write_all(&forbidden())?;
                 return client.shutdown(Shutdown::Both);
             }
         }
@@ -190,6 +192,16 @@ fn pass(mut client: TcpStream, place: &Place) -> io::Result<()> {
     let _ = (client.shutdown(Shutdown::Both), server.shutdown(Shutdown::Both));
     let _ = sending.join();
     Ok(())
+}
+
+/// The answer to a request that is refused.
+fn forbidden() -> Vec<u8> {
+    let length = REFUSED.len();
+    let head = format!(
+        "HTTP/1.1 403 Forbidden\r\nContent-Type: text/plain; charset=utf-8\r\nContent-Length: {length}\r\n\
+         X-Content-Type-Options: nosniff\r\nConnection: close\r\n\r\n"
+    );
+    (head + REFUSED).into_bytes()
 }
 
 /// Connects to Rerun's server, which may be about to start.
