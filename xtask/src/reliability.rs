@@ -210,6 +210,10 @@ fn page() -> String {
             told["seconds"],
             said.join("\n")
         );
+        // What became of a finding is written into the part's file by hand.
+        if let Some(mended) = told["mended"].as_str() {
+            let _ = writeln!(page, "\n{mended}");
+        }
     }
     page
 }
