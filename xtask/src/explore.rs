@@ -41,7 +41,7 @@ pub(crate) fn run(options: &Options) {
             let case = Case { seed, sensors, limit_s: options.limit };
             let outcome = explore(case, options.verbose);
             if let Some(folder) = &options.maps {
-                table::picture(&outcome.raster, &folder.join(format!("{sensors}-{seed}.pgm")));
+                table::picture(&outcome.raster, &outcome.trail, &folder.join(format!("{sensors}-{seed}.pgm")));
             }
             let reference = (!options.alone).then(|| reference(case, outcome.time_s));
             eprintln!("{}", table::line(case, &outcome, reference.as_ref()));

@@ -26,6 +26,9 @@ pub(crate) struct Costmap {
     kinds: Vec<Kind>,
     /// Metres from the cell's centre to the nearest occupied cell, at most the comfortable clearance.
     clearance_m: Vec<f64>,
+    /// The robot's middle has been there, and nothing stood in the way there lately: what the map tells of it may be a door that was closed
+    /// or a person.
+    is_trail: Vec<bool>,
     params: Params,
 }
 
@@ -50,6 +53,7 @@ impl Costmap {
             origin: map.origin,
             kinds: map.occupancy.iter().map(kind).collect(),
             clearance_m: Vec::new(),
+            is_trail: vec![false; map.width * map.height],
             params: *params,
         };
         costmap.kinds.resize(map.width * map.height, Kind::Unknown);
@@ -62,6 +66,13 @@ impl Costmap {
         }
         for &point in blocks {
             costmap.for_disc(point, params.block_radius_m, |kind| *kind = Kind::Occupied);
+        }
+        for (points, radius_m, is_trail) in [(trail, params.trail_m, true), (blocks, params.body_radius_m, false)] {
+            for cell in points.iter().flat_map(|&point| costmap.disc(point, radius_m)).collect::<Vec<usize>>() {
+                if let Some(mark) = costmap.is_trail.get_mut(cell) {
+                    *mark = is_trail;
+                }
+            }
         }
         costmap.measure_clearances();
         costmap
@@ -142,6 +153,11 @@ impl Costmap {
         self.clearance_m.get(cell).copied().unwrap_or(0.0)
     }
 
+    /// A way may lead there: the robot's middle may be there, or has been.
+    pub(crate) fn is_passable(&self, cell: usize) -> bool {
+        self.is_open(cell) || self.is_trail.get(cell).copied().unwrap_or(false)
+    }
+
     /// The robot's middle may be there.
     pub(crate) fn is_open(&self, cell: usize) -> bool {
         self.kind(cell) == Kind::Free && self.clearance(cell) >= self.params.body_radius_m + self.params.margin_m
@@ -188,8 +204,11 @@ impl Costmap {
     /// The factor on the cost of a step to a cell: it falls with the distance from what is occupied.
     pub(crate) fn factor(&self, cell: usize) -> u32 {
         let least_m = self.params.body_radius_m + self.params.margin_m;
+        if !self.is_open(cell) {
+            return self.params.trail_factor;
+        }
         let near = (self.params.comfort_m - self.clearance(cell)) / (self.params.comfort_m - least_m);
-        1 + whole(self.params.nearness_cost * near.clamp(0.0, 1.5) + 0.5).unsigned_abs().min(100) as u32
+        1 + whole(self.params.nearness_cost * near.clamp(0.0, 1.0) + 0.5).unsigned_abs().min(100) as u32
     }
 
     /// Every cell on the straight line satisfies `is_good`.

@@ -10,7 +10,7 @@ use super::params::Params;
 use super::plan::{Reach, way};
 use super::reaction::{Outcome, Reaction, seconds};
 use super::report::{Command, Report, Status};
-use slamd_core::{Estimate, Point, Pose2, Raster, Timestamp};
+use slamd_core::{Beam, Estimate, Point, Pose2, Raster, Timestamp};
 
 /// What the estimator knows now.
 #[derive(Clone, Copy, Debug)]
@@ -40,6 +40,8 @@ pub struct Explorer {
     /// The way at the last return to known walls, metres.
     revisited_m: f64,
     home_tries: u32,
+    /// No goal before this time: nothing leads home now.
+    pause_until: Timestamp,
     report: Option<Report>,
 }
 
@@ -57,6 +59,7 @@ impl Explorer {
             uncertain_since: None,
             revisited_m: 0.0,
             home_tries: 0,
+            pause_until: Timestamp::default(),
             report: None,
         }
     }
@@ -86,7 +89,7 @@ impl Explorer {
         if self.report.is_some() {
             return stand(Status::Done);
         }
-        if self.goal.is_none() {
+        if self.goal.is_none() && now.at >= self.pause_until {
             self.goal = self.choose(now.at, pose, sigma_m(estimate));
         }
         let wanted = self.pursue(now.at, pose);
@@ -104,7 +107,7 @@ impl Explorer {
         self.goal = None;
         let since = *self.uncertain_since.get_or_insert(now.at);
         let is_new = now.estimate.is_some() && now.at.seconds_since(since) < self.params.uncertain_s;
-        let twist = if is_new { Twist::default() } else { self.reaction.wander(now.echoes, &self.params) };
+        let twist = if is_new { Twist::default() } else { self.reaction.wander(now.at, now.echoes, &self.params) };
         Command { twist, uses_pose: false, status: Status::FindingPose }
     }
 
@@ -147,7 +150,13 @@ impl Explorer {
         if best(map, &reach, found, pose, wants_later, &self.params).is_some() {
             return None;
         }
-        Some(Goal::new(Purpose::Home, self.home, until(self.memory.way_m)))
+        Some(Goal::new(Purpose::Home, self.place_near_home(map, &reach), until(self.memory.way_m)))
+    }
+
+    /// Home, or the place nearest to it where it is taken.
+    fn place_near_home(&self, map: &Costmap, reach: &Reach) -> Point {
+        let nearest = reach.nearest(map, self.home, self.params.near_home_m).map(|cell| map.centre(cell));
+        nearest.filter(|place| (place - self.home).norm() > map.cell_m()).unwrap_or(self.home)
     }
 
     /// The velocity that leads to the goal, without regard to what is in the way now.
@@ -253,6 +262,7 @@ impl Explorer {
             Some(Purpose::Frontier { middle, .. }) => self.memory.failed(middle, at, &self.params),
             Some(Purpose::Home) => {
                 self.home_tries += 1;
+                self.pause_until = at + seconds(self.params.pause_s);
                 if self.home_tries > self.params.max_blocks {
                     self.end(false);
                 }
@@ -287,6 +297,13 @@ impl Explorer {
     }
 }
 
+/// Where a beam's echo came from, metres in the robot frame; what is too close to measure counts as at the sensor. None without an echo.
+#[must_use]
+pub fn echo(beam: &Beam) -> Option<Point> {
+    let is_too_close = beam.range_m.is_infinite() && beam.range_m < 0.0;
+    beam.endpoint().or_else(|| is_too_close.then(|| beam.robot_from_sensor.position()))
+}
+
 fn stand(status: Status) -> Command {
     Command { twist: Twist::default(), uses_pose: false, status }
 }
@@ -294,7 +311,7 @@ fn stand(status: Status) -> Command {
 /// The cell nearest to a place where the robot's middle may be.
 fn nearest_open(map: &Costmap, place: Point, params: &Params) -> Option<usize> {
     let off = |cell: &usize| (map.centre(*cell) - place).norm();
-    let cells = map.disc(place, params.escape_m).into_iter().filter(|&cell| map.is_open(cell));
+    let cells = map.disc(place, params.escape_m).into_iter().filter(|&cell| map.is_passable(cell));
     cells.min_by(|a, b| off(a).total_cmp(&off(b))).or_else(|| map.cell(place))
 }
 

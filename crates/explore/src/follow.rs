@@ -21,7 +21,7 @@ pub(crate) fn aim(map: &Costmap, way: &[Point], here: Point, params: &Params) ->
         _ => std::cmp::Ordering::Equal,
     })?;
     let rest = way.get(nearest..)?;
-    let is_straight = |point: &Point| map.line(here, *point, |cell| map.is_open(cell));
+    let is_straight = |point: &Point| map.line(here, *point, |cell| map.is_passable(cell));
     let ahead = rest.iter().take_while(|point| (*point - here).norm() < params.look_ahead_m);
     let mut aim = rest.get(1).or_else(|| rest.first()).copied();
     for point in ahead.filter(|point| is_straight(point)) {

@@ -22,7 +22,7 @@ mod plan;
 mod reaction;
 mod report;
 
-pub use explorer::{Explorer, Observation};
+pub use explorer::{Explorer, Observation, echo};
 pub use follow::Twist;
 pub use params::Params;
 pub use report::{Command, Report, Status};

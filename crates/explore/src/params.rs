@@ -12,6 +12,8 @@
 /// | `nearness_cost` | 4 | 1 | by hand: how many times a way along a wall counts | As `comfort_m` |
 /// | `occupied_percent` | 65 | % | by design: more than one echo | Too small: ghosts block doors. Too large: thin legs are not seen |
 /// | `free_percent` | 45 | % | by design: below the prior | Too small: too little floor is free. Too large: shadows are entered |
+/// | `trail_m` | 0.08 | m | by design: the way itself | Too large: ways through furniture |
+/// | `trail_factor` | 15 | 1 | by hand: a detour of this many metres instead of a metre where the map is against it | Too small: it runs at closed doors. Too large: nothing but detours |
 /// | `block_radius_m` | 0.1 | m | by hand: a leg and the noise of a range | Too small: the same way is tried again. Too large: a door is closed |
 /// | `block_s` | 25 | s | by hand: a person goes on | Too small: the same way is tried again. Too large: detours |
 /// | `min_frontier` | 4 | cells | by hand: 0.2 m at 5 cm | Too small: gaps between beams are visited. Too large: corners stay unknown |
@@ -34,25 +36,30 @@
 /// | `brake_m` | 0.4 | m | by design: two seconds | Too small: it drives past the end |
 /// | `arrived_m` | 0.12 | m | by hand: two cells | Too small: it turns around its goal |
 /// | `home_m` | 0.04 | m | by design: a cell | As `arrived_m` |
+/// | `near_home_m` | 0.6 | m | by hand: as near as it gets where its place is taken | Too small: no way home. Too large: it ends too early |
 /// | `side_m` | 0.04 | m | by design: a cell | Too small: contacts. Too large: doors block |
-/// | `stop_gap_m` | 0.27 | m | by design: the board stops at 0.25 m from its sensors | Too small: the board stops first |
-/// | `back_gap_m` | 0.27 | m | as `stop_gap_m` | As `stop_gap_m` |
+/// | `stop_gap_m` | 0.14 | m | by design: a little more than `board.stop_distance_mm` 120, which doors need | Too small: the board stops first |
+/// | `back_gap_m` | 0.14 | m | as `stop_gap_m` | As `stop_gap_m` |
 /// | `stop_time_s` | 1.2 | s | by design: a sweep, a command, a ramp | Too small: contacts |
 /// | `graze_m` | 0.06 | m | by hand | Too small: contacts at speed. Too large: slow in doors |
 /// | `graze_speed_m_s` | 0.08 | m/s | by hand | As `graze_m` |
 /// | `wait_s` | 2.5 | s | by hand: a person passes | Too small: needless detours. Too large: time |
 /// | `back_m_s` | 0.08 | m/s | by hand | - |
 /// | `back_s` | 1.5 | s | by hand: 12 cm | Too small: the same place again |
-/// | `stall_s` | 4 | s | by hand | Too small: a slow turn is a stall. Too large: time |
+/// | `stall_s` | 5 | s | by hand | Too small: a slow turn is a stall. Too large: time |
+/// | `stall_m`, `stall_rad` | 0.1, 0.4 | m, rad | by hand: less than this within `stall_s` is a stall | Too small: creeping is no stall. Too large: slow driving is one |
 /// | `max_blocks` | 4 | blocks | by hand: then another goal | As `max_tries` |
 /// | `look_s` | 1.5 | s | by design: a map and some sweeps | Too small: nothing new was drawn |
 /// | `beyond_m` | 2 | m | by hand | Too large: waits for doors that are not there |
 /// | `uncertain_s` | 2 | s | by hand: the estimator recovers while it stands | Too small: it moves in doubt. Too large: time |
 /// | `wander_m_s` | 0.12 | m/s | by hand: slow | - |
 /// | `wander_turn_rad_s` | 0.6 | rad/s | by hand | - |
+/// | `wander_turn_s` | 1.5 | s | by hand: 50 degrees | Too small: it turns back to where it came from. Too large: it misses a way |
+/// | `wander_gap_m` | 0.1 | m | by hand | Too small: it stops and goes |
 /// | `revisit_sigma_m` | 0.15 | m | by hand | Too small: it turns back often. Too large: rooms are drawn askew |
 /// | `revisit_way_m` | 15 | m | by hand: no more often than that | As `revisit_sigma_m` |
 /// | `told_m` | 0.5 | m | by hand: the least frontier that counts as a place | Too small: gaps are told as places |
+/// | `pause_s` | 10 | s | by hand: between two tries to go home | Too small: a person in a door ends the drive |
 #[expect(missing_docs, reason = "the table describes each field")]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Params {
@@ -62,6 +69,8 @@ pub struct Params {
     pub nearness_cost: f64,
     pub occupied_percent: i8,
     pub free_percent: i8,
+    pub trail_m: f64,
+    pub trail_factor: u32,
     pub block_radius_m: f64,
     pub block_s: f64,
     pub min_frontier: usize,
@@ -84,6 +93,7 @@ pub struct Params {
     pub brake_m: f64,
     pub arrived_m: f64,
     pub home_m: f64,
+    pub near_home_m: f64,
     pub side_m: f64,
     pub stop_gap_m: f64,
     pub back_gap_m: f64,
@@ -94,15 +104,20 @@ pub struct Params {
     pub back_m_s: f64,
     pub back_s: f64,
     pub stall_s: f64,
+    pub stall_m: f64,
+    pub stall_rad: f64,
     pub max_blocks: u32,
     pub look_s: f64,
     pub beyond_m: f64,
     pub uncertain_s: f64,
     pub wander_m_s: f64,
     pub wander_turn_rad_s: f64,
+    pub wander_turn_s: f64,
+    pub wander_gap_m: f64,
     pub revisit_sigma_m: f64,
     pub revisit_way_m: f64,
     pub told_m: f64,
+    pub pause_s: f64,
 }
 
 impl Default for Params {
@@ -114,6 +129,8 @@ impl Default for Params {
             nearness_cost: 4.0,
             occupied_percent: 65,
             free_percent: 45,
+            trail_m: 0.08,
+            trail_factor: 15,
             block_radius_m: 0.1,
             block_s: 25.0,
             min_frontier: 4,
@@ -136,25 +153,31 @@ impl Default for Params {
             brake_m: 0.4,
             arrived_m: 0.12,
             home_m: 0.04,
+            near_home_m: 0.6,
             side_m: 0.04,
-            stop_gap_m: 0.27,
-            back_gap_m: 0.27,
+            stop_gap_m: 0.14,
+            back_gap_m: 0.14,
             stop_time_s: 1.2,
             graze_m: 0.06,
             graze_speed_m_s: 0.08,
             wait_s: 2.5,
             back_m_s: 0.08,
             back_s: 1.5,
-            stall_s: 4.0,
+            stall_s: 5.0,
+            stall_m: 0.1,
+            stall_rad: 0.4,
             max_blocks: 4,
             look_s: 1.5,
             beyond_m: 2.0,
             uncertain_s: 2.0,
             wander_m_s: 0.12,
             wander_turn_rad_s: 0.6,
+            wander_turn_s: 1.5,
+            wander_gap_m: 0.1,
             revisit_sigma_m: 0.15,
             revisit_way_m: 15.0,
             told_m: 0.5,
+            pause_s: 10.0,
         }
     }
 }

@@ -19,7 +19,7 @@ fn steps(map: &Costmap, start: usize, escape_m: f64) -> impl Fn(&usize) -> Vec<(
     let from = map.centre(start);
     move |&cell| {
         let may_enter = |next: usize| {
-            map.is_open(next) || map.kind(next) != Kind::Occupied && (map.centre(next) - from).norm() < escape_m
+            map.is_passable(next) || map.kind(next) != Kind::Occupied && (map.centre(next) - from).norm() < escape_m
         };
         map.around(cell)
             .filter(|&(next, _)| may_enter(next))
@@ -41,6 +41,13 @@ impl Reach {
             return Some(0.0);
         }
         self.parents.get(&cell).map(|&(_, cost)| f64::from(cost) / 100.0 * self.cell_m)
+    }
+
+    /// The cell nearest to a place, at most `radius_m` away, that can be reached.
+    pub(crate) fn nearest(&self, map: &Costmap, place: Point, radius_m: f64) -> Option<usize> {
+        let off = |cell: &usize| (map.centre(*cell) - place).norm();
+        let cells = map.disc(place, radius_m).into_iter().filter(|&cell| self.cost_m(cell).is_some());
+        cells.min_by(|a, b| off(a).total_cmp(&off(b)))
     }
 
     /// The cell is free floor that the robot's body covers from some place that it can reach.

@@ -2,6 +2,7 @@
 
 use super::judge::{Contacts, Floor};
 use slamd::drive::{Conditions, Driver as Client, Helm, Order, Twist, Wish};
+use slamd_core::config::SettingValue;
 use slamd_core::{
     Config, Driver, EncoderState, Event, ModelState, Pipeline, Point, Raster, Record, SensorState, SessionState, Start,
     Timestamp, Update,
@@ -46,6 +47,8 @@ pub(super) struct Outcome {
     /// The last thing it did.
     pub(super) status: Status,
     pub(super) raster: Raster,
+    /// Where the robot believed to be, once a second.
+    pub(super) trail: Vec<Point>,
 }
 
 /// The drive of the simulator's own driver, who knows the truth.
@@ -74,8 +77,17 @@ fn simulation(case: Case, duration_s: f64) -> Simulation {
     })
 }
 
+/// The default configuration, but for the board's stop distance: with 250 mm the robot cannot turn into a door.
+const STOP_MM: i32 = 120;
+
+fn config() -> Config {
+    let mut config = Config::default();
+    config.board.insert("stop_distance_mm".into(), SettingValue::Number(STOP_MM));
+    config
+}
+
 fn pipeline() -> Pipeline {
-    slamd_paper::pipeline(&Config::default(), Start::Fresh).expect("a fresh start has no saved state")
+    slamd_paper::pipeline(&config(), Start::Fresh).expect("a fresh start has no saved state")
 }
 
 /// The host: the pipeline, the explorer and the helm, as in the daemon.
@@ -102,7 +114,7 @@ impl Host {
             state: SessionState::default(),
             accuracy: AccuracyMeter::default(),
             explorer: Explorer::new(Params::default(), Point::origin()),
-            helm: Helm::new(&Config::default()),
+            helm: Helm::new(&config()),
             commanded: None,
             status: Status::Waiting,
             refused: Vec::new(),
@@ -171,7 +183,7 @@ impl Host {
             |sensor: usize| pipeline.states().get(sensor).is_none_or(|&state| state == SensorState::Healthy);
         let beams = pipeline.sweep().map(|sweep| sweep.beams.iter().enumerate()).into_iter().flatten();
         let echoes: Vec<Point> =
-            beams.filter(|(sensor, _)| is_healthy(*sensor)).filter_map(|(_, beam)| beam.endpoint()).collect();
+            beams.filter(|(sensor, _)| is_healthy(*sensor)).filter_map(|(_, beam)| slamd_explore::echo(beam)).collect();
         let map = self.explorer.wants_map(at).then(|| pipeline.raster());
         let command = self.explorer.command(&Observation {
             at,
@@ -193,7 +205,7 @@ pub(super) fn explore(case: Case, log: bool) -> Outcome {
     let floor = Floor::of(&World::random(case.seed));
     let (mut contacts, mut way_m, mut last, mut most_seen_s) = (Contacts::default(), 0.0, start, None);
     let (mut looked_s, mut said) = (0.0, host.status);
-    let mut now_us = 0;
+    let (mut now_us, mut trail) = (0, Vec::new());
     while now_us < simulation.duration().us() && host.explorer.report().is_none() {
         now_us += STEP_US;
         let at = Timestamp::from_us(now_us);
@@ -206,6 +218,9 @@ pub(super) fn explore(case: Case, log: bool) -> Outcome {
         while let Some(bytes) = frames.pop_front() {
             simulation.hear(at, &bytes);
             frames.extend(host.take(at, Some(&Record::Sent { at, bytes })));
+        }
+        if now_us % 1_000_000 == 0 {
+            trail.extend(host.state.estimate().map(|estimate| estimate.pose.position()));
         }
         let pose = simulation.pose();
         way_m += (pose.position() - last.position()).norm();
@@ -234,6 +249,7 @@ pub(super) fn explore(case: Case, log: bool) -> Outcome {
         refused: host.refused,
         status: host.status,
         raster,
+        trail,
     }
 }
 

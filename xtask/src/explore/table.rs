@@ -2,7 +2,8 @@
 
 use super::Options;
 use super::drive::{Case, Outcome, Reference};
-use slamd_core::Raster;
+use nalgebra::Vector2;
+use slamd_core::{Point, Raster};
 use slamd_metrics::quantile;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -113,14 +114,27 @@ fn row(sensors: u8, rows: &[&Row]) -> String {
     )
 }
 
-/// A map as a PGM file: occupied black, free white, unknown grey.
-pub(super) fn picture(map: &Raster, path: &Path) {
-    let mut bytes = format!("P5 {} {} 255\n", map.width, map.height).into_bytes();
-    for row in map.occupancy.chunks(map.width.max(1)).rev() {
-        bytes.extend(row.iter().map(|&value| match value {
+/// A map as a PGM file: occupied black, free white, unknown grey, the believed way dotted, its end a square.
+pub(super) fn picture(map: &Raster, trail: &[Point], path: &Path) {
+    let mut cells = map
+        .occupancy
+        .iter()
+        .map(|&value| match value {
             Raster::UNKNOWN => 150,
             value => u8::try_from(255 - 2 * i32::from(value)).unwrap_or(0),
-        }));
+        })
+        .collect::<Vec<u8>>();
+    let mut mark = |point: Point, shade: u8| {
+        if let Some(cell) = map.cell(point).and_then(|(column, row)| cells.get_mut(row * map.width + column)) {
+            *cell = shade;
+        }
+    };
+    trail.iter().for_each(|&point| mark(point, 190));
+    if let Some(end) = trail.last() {
+        (0..25)
+            .for_each(|dot| mark(end + Vector2::new(f64::from(dot % 5 - 2), f64::from(dot / 5 - 2)) * map.cell_m, 100));
     }
+    let mut bytes = format!("P5 {} {} 255\n", map.width, map.height).into_bytes();
+    cells.chunks(map.width.max(1)).rev().for_each(|row| bytes.extend(row));
     std::fs::write(path, bytes).expect("the picture can be written");
 }
