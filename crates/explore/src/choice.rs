@@ -18,11 +18,10 @@ pub(crate) struct Choice {
     pub(crate) stand: usize,
     /// Cost of the way there, metres.
     pub(crate) cost_m: f64,
-    /// No way leads into its view: the robot goes as near as it can, in case a door opens.
-    pub(crate) is_beyond: bool,
 }
 
-/// The frontier of the greatest utility: near, long, ahead. Those that cannot be seen from anywhere come last.
+/// The frontier of the greatest utility: near, long, ahead. Those into which the body fits come first, then gaps that it can look through: a
+/// door may be behind a gap that the map draws too narrow.
 pub(crate) fn best(
     map: &Costmap,
     reach: &Reach,
@@ -31,37 +30,43 @@ pub(crate) fn best(
     is_wanted: impl Fn(Point) -> bool,
     params: &Params,
 ) -> Option<Choice> {
+    let surely = best_of(map, reach, frontiers, pose, (params.min_frontier, 1), &is_wanted, params);
+    surely.or_else(|| best_of(map, reach, frontiers, pose, (0, params.min_gap), &is_wanted, params))
+}
+
+/// The same among the frontiers with at least so many cells that the robot's body can reach, and so many in all.
+fn best_of(
+    map: &Costmap,
+    reach: &Reach,
+    frontiers: &[Frontier],
+    pose: Pose2,
+    least: (usize, usize),
+    is_wanted: impl Fn(Point) -> bool,
+    params: &Params,
+) -> Option<Choice> {
     let wanted = frontiers.iter().filter(|frontier| is_wanted(map.centre(frontier.middle)));
-    let choices = wanted.filter_map(|frontier| stand(map, reach, frontier, params));
+    let choices = wanted.filter_map(|frontier| stand(map, reach, frontier, least, params));
     let loss = |choice: &Choice| {
         let there = map.centre(choice.stand);
         let toward = if (there - pose.position()).norm() > params.arrived_m { there } else { choice.frontier };
-        let beyond = if choice.is_beyond { 1e3 } else { 0.0 };
-        beyond + choice.cost_m - params.gain_m * choice.length_m + params.ahead_m_rad * bearing(pose, toward).abs()
+        choice.cost_m - params.gain_m * choice.length_m + params.ahead_m_rad * bearing(pose, toward).abs()
     };
     choices.min_by(|a, b| loss(a).total_cmp(&loss(b)))
 }
 
 /// The cheapest place from which a frontier is in view.
-fn stand(map: &Costmap, reach: &Reach, frontier: &Frontier, params: &Params) -> Option<Choice> {
-    let middle = map.centre(frontier.middle);
-    let length_m = frontier.cells.len() as f64 * map.cell_m();
-    let choice = |stand, cost_m, is_beyond| Choice { frontier: middle, length_m, stand, cost_m, is_beyond };
-    let open = |radius_m: f64| {
-        let cells = map.disc(middle, radius_m).into_iter().filter(|&cell| map.is_open(cell));
-        cells.filter_map(|cell| Some((cell, reach.cost_m(cell)?, (map.centre(cell) - middle).norm())))
-    };
-    // Nearer shows more: half a metre nearer is worth half a metre of way.
-    let mut seen: Vec<(usize, f64, f64)> = open(params.view_m).collect();
-    seen.sort_by(|a, b| (a.1 + a.2).total_cmp(&(b.1 + b.2)));
-    let is_clear = |cell: usize| map.kind(cell) == Kind::Free;
-    let view = seen.into_iter().find(|&(cell, ..)| map.line(map.centre(cell), middle, is_clear));
-    if let Some((cell, cost_m, _)) = view {
-        return Some(choice(cell, cost_m, false));
-    }
-    if length_m < params.told_m {
+fn stand(map: &Costmap, reach: &Reach, frontier: &Frontier, least: (usize, usize), params: &Params) -> Option<Choice> {
+    let entered = frontier.cells.iter().filter(|&&cell| map.is_open(cell) && reach.cost_m(cell).is_some()).count();
+    if entered < least.0 || frontier.cells.len() < least.1 {
         return None;
     }
-    let nearest = open(params.beyond_m).min_by(|a, b| a.2.total_cmp(&b.2));
-    nearest.map(|(cell, cost_m, _)| choice(cell, cost_m, true))
+    let (middle, length_m) = (map.centre(frontier.middle), frontier.cells.len() as f64 * map.cell_m());
+    let open = map.disc(middle, params.view_m).into_iter().filter(|&cell| map.is_open(cell));
+    let places = open.filter_map(|cell| Some((cell, reach.cost_m(cell)?, (map.centre(cell) - middle).norm())));
+    // Nearer shows more.
+    let mut places: Vec<(usize, f64, f64)> = places.collect();
+    places.sort_by(|a, b| (a.1 + params.near_gain * a.2).total_cmp(&(b.1 + params.near_gain * b.2)));
+    let is_clear = |cell: usize| map.kind(cell) == Kind::Free;
+    let view = places.into_iter().find(|&(cell, ..)| map.line(map.centre(cell), middle, is_clear));
+    view.map(|(stand, cost_m, _)| Choice { frontier: middle, length_m, stand, cost_m })
 }

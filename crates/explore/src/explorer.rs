@@ -89,7 +89,11 @@ impl Explorer {
         if self.report.is_some() {
             return stand(Status::Done);
         }
-        if self.goal.is_none() && now.at >= self.pause_until {
+        if now.at < self.pause_until {
+            let twist = self.reaction.wander(now.at, now.echoes, &self.params);
+            return Command { twist, uses_pose: true, status: Status::LeavingTrap };
+        }
+        if self.goal.is_none() {
             self.goal = self.choose(now.at, pose, sigma_m(estimate));
         }
         let wanted = self.pursue(now.at, pose);
@@ -140,11 +144,10 @@ impl Explorer {
             return Some(Goal::new(Purpose::Revisit, self.home, until(self.memory.way_m)));
         }
         let wants = |frontier| self.memory.wants(frontier, at, &self.params);
-        if let Some(Choice { frontier: middle, stand, cost_m, is_beyond, .. }) =
+        if let Some(Choice { frontier: middle, stand, cost_m, .. }) =
             best(map, &reach, found, pose, wants, &self.params)
         {
-            let purpose = Purpose::Frontier { middle, is_beyond };
-            return Some(Goal::new(purpose, map.centre(stand), until(cost_m)));
+            return Some(Goal::new(Purpose::Frontier(middle), map.centre(stand), until(cost_m)));
         }
         let wants_later = |frontier| self.memory.wants_later(frontier, &self.params);
         if best(map, &reach, found, pose, wants_later, &self.params).is_some() {
@@ -172,7 +175,7 @@ impl Explorer {
             }
             let since = *goal.faced.get_or_insert(at);
             if at.seconds_since(since) > params.look_s {
-                self.end_look(at);
+                self.end_look();
             }
             return Twist::default();
         }
@@ -243,23 +246,22 @@ impl Explorer {
     fn arrive(&mut self) {
         let Some(goal) = &mut self.goal else { return };
         match goal.purpose {
-            Purpose::Frontier { .. } => goal.is_looking = true,
+            Purpose::Frontier(_) => goal.is_looking = true,
             Purpose::Revisit => self.goal = None,
             Purpose::Home => self.end(true),
         }
     }
 
-    fn end_look(&mut self, at: Timestamp) {
+    fn end_look(&mut self) {
         match self.goal.take().map(|goal| goal.purpose) {
-            Some(Purpose::Frontier { middle, is_beyond: true }) => self.memory.failed(middle, at, &self.params),
-            Some(Purpose::Frontier { middle, is_beyond: false }) => self.memory.looked(middle),
-            _ => {}
+            Some(Purpose::Frontier(middle)) => self.memory.looked(middle),
+            Some(Purpose::Revisit | Purpose::Home) | None => {}
         }
     }
 
     fn fail(&mut self, at: Timestamp) {
         match self.goal.take().map(|goal| goal.purpose) {
-            Some(Purpose::Frontier { middle, .. }) => self.memory.failed(middle, at, &self.params),
+            Some(Purpose::Frontier(middle)) => self.memory.failed(middle, at, &self.params),
             Some(Purpose::Home) => {
                 self.home_tries += 1;
                 self.pause_until = at + seconds(self.params.pause_s);

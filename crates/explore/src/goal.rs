@@ -6,13 +6,8 @@ use slamd_core::{Point, Timestamp};
 /// Why the robot goes there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Purpose {
-    /// To see a frontier; `is_beyond`: as near as it can, in case a door opens.
-    Frontier {
-        /// Its middle.
-        middle: Point,
-        /// No way leads into its view.
-        is_beyond: bool,
-    },
+    /// To see the frontier with this middle.
+    Frontier(Point),
     /// To look at known walls.
     Revisit,
     /// To end where it started.
@@ -45,15 +40,15 @@ impl Goal {
     /// The frontier that it shall see.
     pub(crate) fn frontier(&self) -> Option<Point> {
         match self.purpose {
-            Purpose::Frontier { middle, .. } => Some(middle),
+            Purpose::Frontier(middle) => Some(middle),
             Purpose::Revisit | Purpose::Home => None,
         }
     }
 
     pub(crate) fn status(&self) -> Status {
         match self.purpose {
-            Purpose::Frontier { middle, .. } if self.is_looking => Status::Looking(middle),
-            Purpose::Frontier { middle, .. } => Status::Exploring(middle),
+            Purpose::Frontier(middle) if self.is_looking => Status::Looking(middle),
+            Purpose::Frontier(middle) => Status::Exploring(middle),
             Purpose::Revisit => Status::Revisiting,
             Purpose::Home => Status::GoingHome,
         }

@@ -19,10 +19,12 @@
 /// | `min_frontier` | 4 | cells | by hand: 0.2 m at 5 cm | Too small: gaps between beams are visited. Too large: corners stay unknown |
 /// | `max_frontier` | 24 | cells | by hand: 1.2 m | Too large: one place for a long frontier |
 /// | `view_m` | 0.9 | m | by hand: where neighbouring beams of eight nearly touch | Too small: the robot goes up to every wall. Too large: gaps stay |
+/// | `near_gain` | 2 | m of way per m | by hand: so much longer a way is worth it to see a frontier from nearer | Too small: doors are not entered. Too large: it goes up to every gap |
+/// | `min_gap` | 8 | cells | by hand: 0.4 m | Too small: gaps in walls are visited. Too large: rooms behind narrow doors stay unknown |
 /// | `gain_m` | 1 | m of way per m of frontier | by hand | Too small: small gaps first. Too large: far rooms first |
 /// | `ahead_m_rad` | 0.3 | m/rad | by hand: turns take time | Too large: a near frontier behind is left |
 /// | `stay_m` | 0.3 | m | by hand: half a chunk of a frontier | Too small: a goal changes often. Too large: the goal is another frontier |
-/// | `looked_m` | 0.4 | m | by hand | Too small: the same gap is visited again. Too large: new frontiers are skipped |
+/// | `looked_m` | 0.3 | m | by hand | Too small: the same gap is visited again. Too large: new frontiers are skipped |
 /// | `max_tries` | 3 | tries | by hand | Too small: a person makes a room unreachable. Too large: time |
 /// | `retry_s` | 30 | s | by hand: a door opens, a person goes | As `max_tries` |
 /// | `patience_s` | 20 | s | by hand: beyond four times the way's time | As `max_tries` |
@@ -50,7 +52,6 @@
 /// | `stall_m`, `stall_rad` | 0.1, 0.4 | m, rad | by hand: less than this within `stall_s` is a stall | Too small: creeping is no stall. Too large: slow driving is one |
 /// | `max_blocks` | 4 | blocks | by hand: then another goal | As `max_tries` |
 /// | `look_s` | 1.5 | s | by design: a map and some sweeps | Too small: nothing new was drawn |
-/// | `beyond_m` | 2 | m | by hand | Too large: waits for doors that are not there |
 /// | `uncertain_s` | 2 | s | by hand: the estimator recovers while it stands | Too small: it moves in doubt. Too large: time |
 /// | `wander_m_s` | 0.12 | m/s | by hand: slow | - |
 /// | `wander_turn_rad_s` | 0.6 | rad/s | by hand | - |
@@ -58,8 +59,7 @@
 /// | `wander_gap_m` | 0.1 | m | by hand | Too small: it stops and goes |
 /// | `revisit_sigma_m` | 0.15 | m | by hand | Too small: it turns back often. Too large: rooms are drawn askew |
 /// | `revisit_way_m` | 15 | m | by hand: no more often than that | As `revisit_sigma_m` |
-/// | `told_m` | 0.5 | m | by hand: the least frontier that counts as a place | Too small: gaps are told as places |
-/// | `pause_s` | 10 | s | by hand: between two tries to go home | Too small: a person in a door ends the drive |
+/// | `pause_s` | 10 | s | by hand: a drive by the echoes between two tries to go home | Too small: the same trap again. Too large: it gets lost |
 #[expect(missing_docs, reason = "the table describes each field")]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Params {
@@ -76,6 +76,8 @@ pub struct Params {
     pub min_frontier: usize,
     pub max_frontier: usize,
     pub view_m: f64,
+    pub near_gain: f64,
+    pub min_gap: usize,
     pub gain_m: f64,
     pub ahead_m_rad: f64,
     pub stay_m: f64,
@@ -108,7 +110,6 @@ pub struct Params {
     pub stall_rad: f64,
     pub max_blocks: u32,
     pub look_s: f64,
-    pub beyond_m: f64,
     pub uncertain_s: f64,
     pub wander_m_s: f64,
     pub wander_turn_rad_s: f64,
@@ -116,7 +117,6 @@ pub struct Params {
     pub wander_gap_m: f64,
     pub revisit_sigma_m: f64,
     pub revisit_way_m: f64,
-    pub told_m: f64,
     pub pause_s: f64,
 }
 
@@ -136,10 +136,12 @@ impl Default for Params {
             min_frontier: 4,
             max_frontier: 24,
             view_m: 0.9,
+            near_gain: 2.0,
+            min_gap: 8,
             gain_m: 1.0,
             ahead_m_rad: 0.3,
             stay_m: 0.3,
-            looked_m: 0.4,
+            looked_m: 0.3,
             max_tries: 3,
             retry_s: 30.0,
             patience_s: 20.0,
@@ -168,7 +170,6 @@ impl Default for Params {
             stall_rad: 0.4,
             max_blocks: 4,
             look_s: 1.5,
-            beyond_m: 2.0,
             uncertain_s: 2.0,
             wander_m_s: 0.12,
             wander_turn_rad_s: 0.6,
@@ -176,7 +177,6 @@ impl Default for Params {
             wander_gap_m: 0.1,
             revisit_sigma_m: 0.15,
             revisit_way_m: 15.0,
-            told_m: 0.5,
             pause_s: 10.0,
         }
     }

@@ -28,6 +28,8 @@ pub enum Status {
     Looking(Point),
     /// Something is in the way: it drives back a little.
     BackingOff,
+    /// Nothing leads home by the map: it drives by its echoes for a while.
+    LeavingTrap,
     /// It returns to known walls before it goes on: the pose became uncertain on a long way.
     Revisiting,
     /// No frontier is left: it drives to where it started.
