@@ -6,11 +6,11 @@ use slamd_core::{Point, Raster};
 /// What the map tells of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
-    /// Nothing.
+    /// Nothing, or as good as nothing.
     Unknown,
     /// Free floor.
     Free,
-    /// Neither surely free nor surely occupied: not entered, and no frontier.
+    /// Perhaps occupied: not entered, and no frontier.
     Contested,
     /// Something stands there.
     Occupied,
@@ -44,6 +44,7 @@ impl Costmap {
             Raster::UNKNOWN => Kind::Unknown,
             value if value >= params.occupied_percent => Kind::Occupied,
             value if value <= params.free_percent => Kind::Free,
+            value if value < params.undecided_percent => Kind::Unknown,
             _ => Kind::Contested,
         };
         let mut costmap = Self {

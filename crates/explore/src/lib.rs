@@ -26,3 +26,6 @@ pub use explorer::{Explorer, Observation, echo};
 pub use follow::Twist;
 pub use params::Params;
 pub use report::{Command, Report, Status};
+
+#[cfg(test)]
+mod tests;

@@ -12,6 +12,7 @@
 /// | `nearness_cost` | 4 | 1 | by hand: how many times a way along a wall counts | As `comfort_m` |
 /// | `occupied_percent` | 65 | % | by design: more than one echo | Too small: ghosts block doors. Too large: thin legs are not seen |
 /// | `free_percent` | 45 | % | by design: below the prior | Too small: too little floor is free. Too large: shadows are entered |
+/// | `undecided_percent` | 55 | % | by design: as far above the prior | Too small: weakly cleared floor hides the frontier beside it. Too large: edges of walls are frontiers |
 /// | `trail_m` | 0.08 | m | by design: the way itself | Too large: ways through furniture |
 /// | `trail_factor` | 15 | 1 | by hand: a detour of this many metres instead of a metre where the map is against it | Too small: it runs at closed doors. Too large: nothing but detours |
 /// | `block_radius_m` | 0.1 | m | by hand: a leg and the noise of a range | Too small: the same way is tried again. Too large: a door is closed |
@@ -20,7 +21,7 @@
 /// | `max_frontier` | 24 | cells | by hand: 1.2 m | Too large: one place for a long frontier |
 /// | `view_m` | 0.9 | m | by hand: where neighbouring beams of eight nearly touch | Too small: the robot goes up to every wall. Too large: gaps stay |
 /// | `near_gain` | 2 | m of way per m | by hand: so much longer a way is worth it to see a frontier from nearer | Too small: doors are not entered. Too large: it goes up to every gap |
-/// | `min_gap` | 8 | cells | by hand: 0.4 m | Too small: gaps in walls are visited. Too large: rooms behind narrow doors stay unknown |
+/// | `min_gap` | 12 | cells | by hand: 0.6 m | Too small: gaps in walls are visited. Too large: rooms behind narrow doors stay unknown |
 /// | `gain_m` | 1 | m of way per m of frontier | by hand | Too small: small gaps first. Too large: far rooms first |
 /// | `ahead_m_rad` | 0.3 | m/rad | by hand: turns take time | Too large: a near frontier behind is left |
 /// | `stay_m` | 0.3 | m | by hand: half a chunk of a frontier | Too small: a goal changes often. Too large: the goal is another frontier |
@@ -69,6 +70,7 @@ pub struct Params {
     pub nearness_cost: f64,
     pub occupied_percent: i8,
     pub free_percent: i8,
+    pub undecided_percent: i8,
     pub trail_m: f64,
     pub trail_factor: u32,
     pub block_radius_m: f64,
@@ -129,6 +131,7 @@ impl Default for Params {
             nearness_cost: 4.0,
             occupied_percent: 65,
             free_percent: 45,
+            undecided_percent: 55,
             trail_m: 0.08,
             trail_factor: 15,
             block_radius_m: 0.1,
@@ -137,7 +140,7 @@ impl Default for Params {
             max_frontier: 24,
             view_m: 0.9,
             near_gain: 2.0,
-            min_gap: 8,
+            min_gap: 12,
             gain_m: 1.0,
             ahead_m_rad: 0.3,
             stay_m: 0.3,
