@@ -1,13 +1,13 @@
 //! `slamd import`: turns a recording into a capture.
 
-use super::outputs::{ForceArg, can_be_made_again};
+use super::outputs::{ForceArg, imported_from};
 use super::{Failure, Kind, config};
 use clap::{Args, Subcommand};
 use slamd_capture::CaptureError;
 use slamd_eval::import::{
-    Columns, Counting, Drive, ImportError, Options, RangeUnit, Scan, TimeUnit, bag, carmen, ring,
+    Columns, Counting, Drive, ImportError, Options, RangeUnit, Scan, Summary, TimeUnit, bag, carmen, ring,
 };
-use slamd_files::regular;
+use slamd_files::{OutputGuard, regular};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
@@ -146,17 +146,76 @@ impl ImportArgs {
         let say = |remark: &String| super::terminal::tell(format_args!("{name}: {remark}"));
         drive.remarks().iter().for_each(say);
         let said = drive.remarks().len();
-        let output = guard.output_replacing(&files.capture, |path| may_replace(&drive, path))?;
-        let summary = drive.write(output)?;
+        let summary = write(drive, &mut guard, &files.capture, is_standard_input)?;
         summary.remarks.iter().skip(said).for_each(say);
         super::terminal::tell(format_args!("{}: {summary}", files.capture.display()));
         Ok(())
     }
 }
 
-/// True if a whole recording takes the place of a capture that can be made again.
-fn may_replace(drive: &Drive, path: &Path) -> bool {
-    drive.is_whole() && can_be_made_again(path)
+/// Writes the capture. A whole recording takes the place of its own earlier capture; that of another recording is kept under another name.
+fn write(drive: Drive, guard: &mut OutputGuard, path: &Path, is_pipe: bool) -> Result<Summary, Failure> {
+    let mut there = Earlier::None;
+    let output = guard.output_replacing(path, |path| {
+        there = if drive.is_whole() { Earlier::at(path, drive.notes(), is_pipe) } else { Earlier::None };
+        there != Earlier::None
+    })?;
+    let kept = if there == Earlier::Other { Some(keep(path)?) } else { None };
+    let written = drive.write(output);
+    if let (Err(_), Some(kept)) = (&written, &kept) {
+        // The capture is still there.
+        let _ = std::fs::remove_file(kept);
+    }
+    let summary = written?;
+    let capture = path.display();
+    match (there, kept) {
+        (Earlier::Same, _) => {
+            super::terminal::tell(format_args!("{capture}: replaces an earlier capture of this recording"))
+        }
+        (_, Some(kept)) => super::terminal::tell(format_args!(
+            "{capture}: the capture of another recording that was here is now {}",
+            kept.display()
+        )),
+        _ => {}
+    }
+    Ok(summary)
+}
+
+/// What is in the way of a capture and may be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Earlier {
+    None,
+    /// The same recording's capture.
+    Same,
+    /// The capture of another recording.
+    Other,
+}
+
+impl Earlier {
+    fn at(path: &Path, notes: &str, is_pipe: bool) -> Self {
+        match imported_from(path) {
+            None => Self::None,
+            // What came through a pipe has no name.
+            Some(there) if there == notes && !is_pipe => Self::Same,
+            Some(_) => Self::Other,
+        }
+    }
+}
+
+/// Gives the file a second name, under which it stays.
+fn keep(path: &Path) -> Result<PathBuf, Failure> {
+    let (stem, extension) = (path.file_stem().unwrap_or_default(), path.extension().unwrap_or_default());
+    for number in 1..10_000 {
+        let name = format!("{}.earlier-{number:04}.{}", stem.to_string_lossy(), extension.to_string_lossy());
+        let kept = path.with_file_name(name.trim_end_matches('.'));
+        match std::fs::hard_link(path, &kept) {
+            Ok(()) => return Ok(kept),
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+            Err(_) => break,
+        }
+    }
+    let text = format!("{} exists and is kept; name another file, or --force replaces it", path.display());
+    Err(Failure::new(Kind::CantCreate, text))
 }
 
 impl From<ImportError> for Failure {

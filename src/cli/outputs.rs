@@ -22,10 +22,10 @@ impl ForceArg {
     }
 }
 
-/// True if the file is a capture that can be made again: from another recording or by the simulator. A recording of a robot cannot.
-pub(super) fn can_be_made_again(path: &Path) -> bool {
-    let info = CaptureReader::open(path).ok().map(|capture| capture.info().clone());
-    info.is_some_and(|CaptureInfo { notes, .. }| MADE.iter().any(|made| notes.starts_with(made)))
+/// What a capture was imported from, by its notes; none if the file is another one.
+pub(super) fn imported_from(path: &Path) -> Option<String> {
+    let notes = CaptureReader::open(path).ok()?.info().notes.clone();
+    notes.starts_with("imported from ").then_some(notes)
 }
 
 /// True if the file is the drive that the simulator describes so.
@@ -33,9 +33,6 @@ pub(super) fn is_same_drive(path: &Path, wanted: &CaptureInfo) -> bool {
     let there = CaptureReader::open(path).ok();
     there.is_some_and(|there| there.info().notes == wanted.notes && there.info().faults == wanted.faults)
 }
-
-/// How the notes of captures begin that `slamd import` and `slamd simulate` have written.
-const MADE: [&str; 2] = ["imported from ", "slamd simulate "];
 
 /// The results of a run could not be written: which of them the folder does not have.
 pub(super) fn lost(folder: &Path, error: &WriteError) -> Failure {

@@ -83,12 +83,17 @@ impl RunArgs {
         shutdown.at_once(true);
         match end {
             Some(end) => terminal::patiently(end.is_mapped(), move || end.report(&self.output)),
-            None => {
-                tracing::warn!("nothing mapped: the session was over before the port was found");
-                Ok(())
-            }
+            None => Err(no_port(&self.port)),
         }
     }
+}
+
+/// The session was over before its port was found.
+pub(super) fn no_port(port: &PortName) -> Failure {
+    let text = format!(
+        "nothing mapped: the session was over before the port {port} was found; plug the board in, or see `slamd ports`"
+    );
+    Failure::new(Kind::NothingMapped, text)
 }
 
 /// How a live session ended.

@@ -16,10 +16,10 @@ const HELP: &str = "Examples:
   slamd setup --wheel-radius 0.034 --wheel-base 0.182 --out robots/kitchen.toml
   slamd --port auto --config robot.toml        maps with the result
 
-It finds the number of sensors, swapped or reversed wheels, ticks per turn, wheel base, and a turned or mirrored ring. Push the robot 30 cm
-straight ahead, turn it left on the spot by one full turn, then drive it around a room for a few metres. A robot that drives by itself
-needs no push, but walls cannot tell swapped wheels from a mirrored ring: then setup asks you to turn its left wheel by hand. The board stores
-what setup finds out about its encoders.
+It finds the number of sensors, the unit of the ranges, swapped or reversed wheels, ticks per turn, wheel base, and a turned or mirrored
+ring. Push the robot 30 cm straight ahead, turn it left on the spot by one full turn, then drive it around a room for a few metres. A
+robot that drives by itself needs no push, but walls cannot tell swapped wheels from a mirrored ring: then setup asks you to turn its left
+wheel by hand. The board stores what setup finds out about its encoders.
 
 Exit code: 0 written, 65 the board or the robot is wrong in a way that no configuration mends, 69 the port cannot be used, 73 the file exists.";
 

@@ -11,7 +11,7 @@ use super::wheels::{WheelEvidence, metres_per_tick};
 use bytes::Bytes;
 use slamd_core::{
     Config, Driver, FaultKind, Input, ModelEvent, ModelState, Pipeline, Record, SensorState, SessionState, Timestamp,
-    Topic, Update,
+    Update,
     link::{Link, Remedy},
 };
 use slamd_protocol::{DELIMITER, FrameDecoder, Message, Setting};
@@ -193,8 +193,8 @@ impl Examination {
             (Some(hello), None) => usize::from(hello.sensors),
             (None, None) => 0,
         };
-        let are_centimetres = troubles.has(Topic::FlightUnit);
-        let statistics = self.sensors.statistics(sensors, self.driver.pipeline().ring(), are_centimetres);
+        let us_per_number = self.driver.pipeline().flight_factor() * self.config.ring.range_scale;
+        let statistics = self.sensors.statistics(sensors, self.driver.pipeline().ring(), us_per_number);
         let path_m = self.wheels.path_m(&self.config.robot, self.driver.pipeline().board());
         let mut of_sensors = self.sensors.findings(
             &statistics,
@@ -221,7 +221,10 @@ impl Examination {
         findings.extend(of_wheels.into_iter().filter(|finding| of_drill.iter().all(|other| other.id != finding.id)));
         findings.extend(of_drill);
         findings.extend(models);
-        findings.extend(self.clock.findings());
+        // An imported recording has no board that could be asked for its time.
+        if !(self.is_recording && board.description().starts_with("imported ")) {
+            findings.extend(self.clock.findings());
+        }
         if self.is_recording {
             findings = findings.into_iter().map(drill_findings::of_recording).collect();
         }

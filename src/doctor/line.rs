@@ -99,8 +99,8 @@ impl LineEvidence {
             }
         }
         if let Some(refusal) = board.refusal() {
-            let fix = refusal.rsplit_once(": ").map_or("update the firmware or slamd", |(_, fix)| fix).to_owned();
-            findings.push(Finding::new(Level::Problem, "line.protocol", refusal, fix));
+            let (text, fix) = refusal.rsplit_once(": ").unwrap_or((&refusal, "update the firmware or slamd"));
+            findings.push(Finding::new(Level::Problem, "line.protocol", text, fix));
             return findings;
         }
         match board.hello() {

@@ -22,8 +22,6 @@ const MIN_SWEEPS: f64 = 0.9;
 const MAX_GROUPS: usize = 256;
 /// If no sensor reads more than this, microseconds (12 cm), the readings have another unit.
 const MIN_FARTHEST_US: u16 = 700;
-/// Microseconds of flight per centimetre of range, there and back.
-const US_PER_CM: u16 = 58;
 
 /// Statistics of one sensor.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -115,15 +113,11 @@ impl SensorEvidence {
         self.last_us = None;
     }
 
-    /// What each sensor has measured. Times of flight that `are_centimetres` are converted.
-    pub(super) fn statistics(
-        &self,
-        sensors: usize,
-        ring: Option<&Ring>,
-        are_centimetres: bool,
-    ) -> Vec<SensorStatistics> {
+    /// What each sensor has measured, where a number that the board sends is so many microseconds of flight.
+    pub(super) fn statistics(&self, sensors: usize, ring: Option<&Ring>, us_per_number: f64) -> Vec<SensorStatistics> {
         let none = Tally::default();
-        let us = |flight: u16| if are_centimetres { flight.saturating_mul(US_PER_CM) } else { flight };
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a cast from f64 saturates")]
+        let us = |flight: u16| (us_per_number * f64::from(flight)).round() as u16;
         let known = ring.map_or(self.tallies.len(), |_| 0);
         (0..sensors.max(known))
             .map(|sensor| {
@@ -134,7 +128,7 @@ impl SensorEvidence {
                 let fired = fired.or_else(|| self.fired.iter().filter(|&&fired| fired > 0).min());
                 let (least, most) = tally.range_us.unwrap_or_default();
                 let (least_us, most_us) = (us(least), us(most));
-                let mean_us = tally.sum_us as f64 / tally.echoes.max(1) as f64 * f64::from(us(1));
+                let mean_us = tally.sum_us as f64 / tally.echoes.max(1) as f64 * us_per_number;
                 let metres = |us: u16| tally.range_us.map(|_| f64::from(us) * METRES_PER_US);
                 SensorStatistics {
                     sensor,

@@ -13,6 +13,7 @@ use one_wheel::OneWheel;
 use robot::Wiring;
 use slamd_core::{Config, Timestamp, config::RobotConfig};
 use slamd_protocol::{FrameEncoder, Message, Setting};
+use watch::MAX_PATH_M;
 
 /// What the user has measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -201,9 +202,23 @@ impl Setup {
         match &self.phase {
             Phase::Board => "listening to the board".into(),
             Phase::Settings(_) => "the board takes over its settings".into(),
-            Phase::Watch if !self.is_drilled && self.rounds == 0 && drill.is_by_hand() => drill.instruction(),
+            Phase::Watch if !self.is_drilled && self.rounds == 0 && drill.is_by_hand() => {
+                // Until it moves, nobody knows whether it drives by itself.
+                drill.instruction().replacen("30 cm:", "30 cm, unless it drives by itself:", 1)
+            }
+            Phase::Watch if self.is_drilled && self.examination.pipeline().is_range_unit_open() => {
+                let (path_m, _) = drill.moved();
+                format!(
+                    "no reading lies beyond half a metre, which may be a wrong unit; push it straight ahead through the room, 2 m: {path_m:.1} m"
+                )
+            }
             Phase::Watch => {
                 let (path_m, turned_rad) = drill.moved();
+                if path_m > ENOUGH_M && turned_rad > ENOUGH_RAD {
+                    return format!(
+                        "waiting until the echoes agree with the map, keep driving past walls: {path_m:.0} m, it gives up at {MAX_PATH_M:.0} m"
+                    );
+                }
                 format!(
                     "now drive it around the room, or push it: {:.1} of {ENOUGH_M:.0} m, {:.0} of {:.0} degrees",
                     path_m.min(ENOUGH_M),
@@ -245,6 +260,14 @@ impl Setup {
         if at.seconds() > self.timeout_s && !matches!(self.phase, Phase::Over(_)) {
             let (path_m, turned_rad) = self.examination.drill().moved();
             let turned_deg = turned_rad.to_degrees();
+            if path_m > ENOUGH_M && turned_rad > ENOUGH_RAD {
+                let verdict = self.verdict();
+                let text = format!(
+                    "after {:.0} s its echoes do not agree with the map that they draw; {verdict}",
+                    self.timeout_s
+                );
+                return self.fail(text);
+            }
             self.fail(format!(
                 "after {:.0} s the robot has moved {path_m:.1} m and turned {turned_deg:.0} degrees since the last correction, which \
                  is too little to be sure: run it again and keep the robot moving, or give it more time with --timeout",

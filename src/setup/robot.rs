@@ -55,6 +55,8 @@ impl Wiring {
 /// What a finding changes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Change {
+    /// The ranges are this part of the true ones.
+    Ranges(f64),
     /// The wheels count this many times the travel.
     Ticks(f64),
     /// Wheels and base are this many times larger.
@@ -91,6 +93,7 @@ impl Change {
     /// What was found, for people.
     pub(super) fn words(self) -> String {
         match self {
+            Self::Ranges(factor) => range_unit(factor),
             Self::Ticks(factor) => format!("the wheels count {factor:.2} times the travel: ticks_per_turn corrected"),
             Self::Size(factor) => format!("the wheels roll {factor:.2} times as far as assumed"),
             Self::Base(base_m) => format!("the wheels are {:.0} mm apart", 1e3 * base_m),
@@ -108,6 +111,7 @@ impl Change {
 pub(super) fn change(config: &mut Config, wiring: &mut Wiring, change: Change) {
     let robot = &mut config.robot;
     match change {
+        Change::Ranges(factor) => config.ring.range_scale = (1e4 * config.ring.range_scale / factor).round() * 1e-4,
         Change::Ticks(factor) => {
             let ticks = f64::from(robot.ticks_per_turn.unwrap_or(1)) * factor;
             robot.ticks_per_turn = Some(whole(ticks));
@@ -126,6 +130,23 @@ pub(super) fn change(config: &mut Config, wiring: &mut Wiring, change: Change) {
         Change::Swap => *wiring = wiring.corrected([false; 2], true),
         Change::Reverse(reversed) => *wiring = wiring.corrected(reversed, false),
     }
+}
+
+/// True if the ranges are scaled.
+fn is_scaled(range_scale: f64) -> bool {
+    (range_scale - 1.0).abs() > 1e-3
+}
+
+/// What ranges that are `factor` of the true ones are.
+fn range_unit(factor: f64) -> String {
+    let unit = match factor {
+        _ if (0.4..0.6).contains(&factor) => ": one-way times of flight",
+        _ if !(0.3..3.0).contains(&factor) => ": millimetres and centimetres are mixed up",
+        _ => "",
+    };
+    format!(
+        "the board reports {factor:.2} of the true ranges{unit}; ring.range_scale corrects it, better correct the firmware"
+    )
 }
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the key's range")]
@@ -194,6 +215,9 @@ pub(super) fn differences(
             found.push(format!("the {wheel} encoder counts backwards"));
         }
     }
+    if is_scaled(ring.range_scale) {
+        found.push(range_unit(1.0 / ring.range_scale));
+    }
     if ring.rotation_deg != 0.0 {
         found.push(format!("the ring is turned by {} degrees", ring.rotation_deg));
     }
@@ -216,8 +240,11 @@ pub(super) fn to_toml(config: &Config, board: &Board, found: &[String]) -> Strin
     if let Some(ticks) = robot.ticks_per_turn {
         let _ = writeln!(text, "ticks_per_turn = {ticks}");
     }
-    if ring.mirrored || ring.rotation_deg != 0.0 {
+    if ring.mirrored || ring.rotation_deg != 0.0 || is_scaled(ring.range_scale) {
         let _ = writeln!(text, "\n[ring]\nrotation_deg = {}\nmirrored = {}", ring.rotation_deg, ring.mirrored);
+        if is_scaled(ring.range_scale) {
+            let _ = writeln!(text, "range_scale = {}", ring.range_scale);
+        }
     }
     if let Some(circle) = &ring.circle {
         let CircleConfig { count, radius_m, half_angle_deg, groups, clockwise } = circle;

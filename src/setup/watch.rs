@@ -10,6 +10,8 @@ use slamd_core::{EncoderState, ModelState, Timestamp, Wheel, config::RobotConfig
 const AFTER_DRILL_S: f64 = 10.0;
 /// Corrections before setup gives up.
 const MAX_ROUNDS: usize = 6;
+/// Path after which echoes that do not agree with the map never will, metres.
+pub(super) const MAX_PATH_M: f64 = 25.0;
 /// Further findings of one drive follow within this time, seconds.
 const GATHER_S: f64 = 0.5;
 /// A person who is asked to turn a wheel has this long, seconds.
@@ -31,6 +33,11 @@ impl Setup {
 
     /// What the drill, the walls and the encoders contradict.
     fn changes(&self) -> Vec<Change> {
+        // The unit first: in another one no geometry is right.
+        let range_factor = self.examination.pipeline().range_factor();
+        if libm::log(range_factor).abs() > 1.0 {
+            return vec![Change::Ranges(1.0 / range_factor)];
+        }
         let state = self.examination.state();
         let models = state.models().iter().filter(|event| event.state != ModelState::Resolved);
         let mut changes: Vec<Change> = models.filter_map(|event| Change::of_model(&event.finding)).collect();
@@ -43,6 +50,19 @@ impl Setup {
             changes = self.of_drill();
         }
         changes
+    }
+
+    /// What is known of a robot whose echoes do not agree with its map, and what to do.
+    pub(super) fn verdict(&self) -> String {
+        let found =
+            if self.found.is_empty() { String::new() } else { format!("found so far: {}; ", self.found.join("; ")) };
+        let models = self.examination.state().models().iter();
+        let open = models.filter(|event| event.state != ModelState::Resolved).map(|event| event.finding.clause.clone());
+        let open = open.chain(self.complaints()).next();
+        let why = open.unwrap_or_else(|| "no single mistake explains it".into());
+        format!(
+            "{found}{why}: run `slamd doctor` while it drives, and name what you have measured with --wheel-radius and --wheel-base"
+        )
     }
 
     fn of_drill(&self) -> Vec<Change> {
@@ -84,10 +104,11 @@ impl Setup {
         let mut wiring = self.wiring.unwrap_or_default();
         for change in changes {
             // The person pushed it by 30 cm: the size is right.
-            if let (Change::Size(factor), true) = (change, is_drill) {
-                return self.fail(unit(*factor));
-            }
-            robot::change(&mut self.config, &mut wiring, *change);
+            let change = match *change {
+                Change::Size(factor) if is_drill => Change::Ranges(simple_factor(factor)),
+                other => other,
+            };
+            robot::change(&mut self.config, &mut wiring, change);
             self.found.push(change.words());
         }
         self.wiring = Some(wiring);
@@ -112,34 +133,48 @@ impl Setup {
             let why = complaint.unwrap_or_else(|| "drive it nearer to walls".into());
             return self.fail(format!("the robot drives, but its readings show no walls; {why}"));
         }
+        if is_enough && !agrees && path_m > MAX_PATH_M {
+            let verdict = self.verdict();
+            return self.fail(format!(
+                "after {path_m:.0} m its echoes still do not agree with the map that they draw; {verdict}"
+            ));
+        }
         let has_drilled = drill.is_by_hand() && drill.is_done();
         if has_drilled && !self.is_drilled {
             self.is_drilled = true;
         }
-        let rests = self.is_drilled && self.own(at).seconds() > AFTER_DRILL_S && drill.still_s() > AFTER_DRILL_S
-            || self.is_drilled && path_m < 0.01 && self.own(at).seconds() > AFTER_DRILL_S;
+        // A drill in which no reading lies beyond half a metre tells no unit.
+        let is_open = self.examination.pipeline().is_range_unit_open();
+        let rests =
+            !is_open && self.is_drilled && self.own(at).seconds() > AFTER_DRILL_S && drill.still_s() > AFTER_DRILL_S
+                || !is_open && self.is_drilled && path_m < 0.01 && self.own(at).seconds() > AFTER_DRILL_S;
         if agrees || rests {
             self.finish(agrees, at);
         }
     }
 
-    /// Travel and turning were corrected one after the other: the size of the robot, or ticks per turn? The error is a unit of the ranges
-    /// or a size that contradicts the ruler.
-    fn settle_size(&mut self) -> Result<(), String> {
+    /// Travel and turning were corrected one after the other: the size of the robot, the unit of the ranges, or ticks per turn? A measured
+    /// size is right, and so is one of which the ranges are just the half: then they are
+    /// one-way times. True if the unit of the ranges was changed.
+    fn settle_size(&mut self) -> bool {
         let RobotConfig { wheel_radius_m: radius_m, wheel_base_m: base_m, .. } = self.measured.robot();
         let factor = self.config.robot.wheel_radius_m / radius_m;
         if (factor - 1.0).abs() < 0.1 {
-            return Ok(());
+            return false;
         }
         let is_size = libm::log(self.config.robot.wheel_base_m / base_m / factor).abs() < 0.15;
         let said = self.examination.pipeline().board().ticks_per_turn();
-        if is_size && said == self.config.robot.ticks_per_turn {
-            let is_measured = self.measured != Measured::default();
-            return if is_measured || (0.4..0.6).contains(&factor) { Err(unit(factor)) } else { Ok(()) };
+        if !is_size || said != self.config.robot.ticks_per_turn {
+            self.config.robot.wheel_radius_m = radius_m;
+            robot::change(&mut self.config, &mut Wiring::default(), Change::Ticks(1.0 / factor));
+            return false;
         }
-        self.config.robot.wheel_radius_m = radius_m;
-        robot::change(&mut self.config, &mut Wiring::default(), Change::Ticks(1.0 / factor));
-        Ok(())
+        let is_unit = self.measured != Measured::default() || (0.4..0.6).contains(&factor);
+        if is_unit {
+            (self.config.robot.wheel_radius_m, self.config.robot.wheel_base_m) = (radius_m, base_m);
+            robot::change(&mut self.config, &mut Wiring::default(), Change::Ranges(simple_factor(factor)));
+        }
+        is_unit
     }
 
     /// The walls tell a scale to a few per cent; what mistakes make is a simple factor.
@@ -153,13 +188,11 @@ impl Setup {
 
     fn finish(&mut self, is_confirmed: bool, at: Timestamp) {
         let before = self.config.robot.clone();
-        if let Err(text) = self.settle_size() {
-            return self.fail(text);
-        }
+        let is_other_unit = self.settle_size();
         self.settle_ticks();
         let pipeline = self.examination.pipeline();
         let calibration = pipeline.calibration().filter(|found| found.wheel_base_sigma_m < 0.02 * found.wheel_base_m);
-        if let (Some(found), true, None) = (calibration, is_confirmed, self.measured.wheel_base_m) {
+        if let (Some(found), true, None) = (calibration, is_confirmed && !is_other_unit, self.measured.wheel_base_m) {
             self.config.robot.wheel_base_m = (found.wheel_base_m * 1e3).round() / 1e3;
         }
         let is_other = self.config.robot.ticks_per_turn != before.ticks_per_turn
@@ -227,13 +260,4 @@ impl Setup {
         let text = robot::to_toml(&self.config, pipeline.board(), &self.found);
         self.phase = Phase::Over(Progress::Done(text));
     }
-}
-
-/// Why a size that only the ranges tell is not believed.
-fn unit(factor: f64) -> String {
-    format!(
-        "the walls come nearer by {factor:.2} of the travel that the wheels report, and turning agrees: if the board sends one-way times \
-         of flight or another unit, correct its firmware; if the robot has another size, name its measures with --wheel-radius and \
-         --wheel-base"
-    )
 }

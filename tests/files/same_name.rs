@@ -47,8 +47,9 @@ fn a_session_does_not_replace_its_recording() {
     let into =
         "--port nowhere --duration 0.1 --out o --record drives/ --save-session drives/slamd-1700000000-0002.mcap";
     refuses(folder.path(), into);
+    // Allowed; but there is no port.
     let (code, error) = slamd(folder.path(), &format!("{run} --save-session other.session"));
-    assert_eq!(code, 0, "{error}");
+    assert_eq!(code, 75, "{error}");
 }
 
 #[test]
@@ -109,4 +110,43 @@ fn a_simulated_drive_replaces_only_itself() {
     }
     assert_eq!(slamd(here, &format!("{drive} --seed 2 --force")).0, 0);
     assert_ne!(std::fs::read(here.join("drive.mcap")).unwrap(), made);
+}
+
+#[test]
+fn an_import_replaces_only_its_own_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    let robot = "[robot]\nticks_per_turn = 1440\n\n[ring.circle]\ncount = 4\nradius_m = 0.15\nhalf_angle_deg = 12.5\n";
+    std::fs::write(here.join("robot.toml"), robot).unwrap();
+    let csv = |rows: u32| {
+        let rows = (0..rows).map(|row| format!("{:.1},{row},{row},1.5,1.5,1.5,1.5\n", 0.1 * f64::from(row)));
+        rows.fold("t_s,left_ticks,right_ticks,r0,r1,r2,r3\n".to_owned(), |all, row| all + &row)
+    };
+    std::fs::write(here.join("one.csv"), csv(40)).unwrap();
+    std::fs::write(here.join("two.csv"), csv(40)).unwrap();
+    let import =
+        |name: &str, more: &str| slamd(here, &format!("import ring {name} --config robot.toml --capture x.mcap{more}"));
+    assert_eq!(import("one.csv", "").0, 0);
+    let one = std::fs::read(here.join("x.mcap")).unwrap();
+    let (code, said) = import("one.csv", "");
+    assert!(code == 0 && said.contains("replaces an earlier capture of this recording"), "{said}");
+    let (code, said) = import("two.csv", "");
+    assert!(code == 0 && said.contains("another recording that was here is now x.earlier-0001.mcap"), "{code} {said}");
+    assert_eq!(std::fs::read(here.join("x.earlier-0001.mcap")).unwrap(), one);
+    // The same name, another recording.
+    let two = std::fs::read(here.join("x.mcap")).unwrap();
+    std::fs::write(here.join("two.csv"), csv(41)).unwrap();
+    assert_eq!(import("two.csv", "").0, 0);
+    assert_eq!(std::fs::read(here.join("x.earlier-0002.mcap")).unwrap(), two);
+    // A failed import leaves what was there, and no second name.
+    std::fs::write(here.join("bad.csv"), "t_s,left_ticks\n").unwrap();
+    assert_eq!(import("bad.csv", "").0, 65);
+    assert!(!here.join("x.earlier-0003.mcap").exists());
+    assert_eq!(import("one.csv", " --force").0, 0);
+    assert!(!here.join("x.earlier-0003.mcap").exists());
+    // Neither does it take a simulated drive's place.
+    assert_eq!(slamd(here, "simulate --duration 1 --capture x.mcap --force").0, 0);
+    assert_eq!(import("two.csv", "").0, 73);
+    let (code, said) = slamd(here, "import ring two.csv --config robot.toml --capture -");
+    assert!(code == 64 && said.contains("/dev/stdout") && !here.join("-").exists(), "{code} {said}");
 }

@@ -154,7 +154,7 @@ fn the_command_line_goes_before_a_variable() {
         &["--port", "typed", "--duration", "0.1"],
         &[("SLAMD_PORT", "variable"), ("SLAMD_LISTEN", "127.0.0.1:0")],
     );
-    assert_eq!(code, 0, "{log}");
+    assert_eq!(code, 75, "{log}");
     assert!(log.contains("there is no typed") && log.contains("api: listening at 127.0.0.1:"), "{log}");
     // The other commands do not hear of a service's options.
     let (code, _, log) = home.slamd(&["monitor", "--capture", "x"], &[("SLAMD_LISTEN", "127.0.0.1:0")]);

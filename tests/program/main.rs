@@ -15,6 +15,7 @@ mod sandbox;
 mod service;
 mod setup;
 mod setup_terminal;
+mod setup_units;
 mod startup;
 mod systemd;
 mod udev;

@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 
 const STEP_US: usize = 5_000;
 
-fn robot(sensors: u8, faults: &[&str]) -> Simulation {
+pub(crate) fn robot(sensors: u8, faults: &[&str]) -> Simulation {
     seeded(1, sensors, faults)
 }
 
@@ -40,7 +40,7 @@ fn seeded(seed: u64, sensors: u8, faults: &[&str]) -> Simulation {
 }
 
 /// Sets a robot up that drives by itself. The file's text, and how long it took, seconds of the robot's time.
-fn set_up(simulation: &mut Simulation, seconds: u64) -> Result<(String, f64), String> {
+pub(crate) fn set_up(simulation: &mut Simulation, seconds: u64) -> Result<(String, f64), String> {
     let mut setup = Setup::new(Measured::default(), 115_200, "test", seconds as f64);
     for now_us in (0..(seconds + 1) * 1_000_000).step_by(STEP_US) {
         let now = Timestamp::from_us(now_us);

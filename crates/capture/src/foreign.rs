@@ -13,6 +13,20 @@ pub(super) struct Seen<'a> {
     pub(super) is_compressed: bool,
 }
 
+/// What to do about a file that begins with other bytes than an MCAP file.
+pub(super) fn hint(begin: &[u8]) -> &'static str {
+    let is_text = begin.iter().all(|byte| byte.is_ascii_graphic() || b" \t\r\n".contains(byte));
+    if begin.starts_with(b"SQLite") {
+        "; `slamd import bag` reads ROS 2 bags"
+    } else if begin.starts_with(b"\x1f\x8b") {
+        "; it is packed with gzip: unpack it, or `slamd import ring` reads a packed CSV"
+    } else if is_text {
+        "; it is a text: `slamd import ring` makes a capture of a CSV, `slamd import carmen` of a CARMEN log"
+    } else {
+        ""
+    }
+}
+
 /// Enough topics to recognize a file by.
 pub(super) const MAX_TOPICS: usize = 5;
 /// The profile of captures.

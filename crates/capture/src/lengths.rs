@@ -14,8 +14,10 @@ enum Field {
     Text,
     /// Pairs of texts, behind the number of their bytes.
     Texts,
+    /// Entries of so many bytes each, behind the number of all their bytes.
+    Entries(usize),
 }
-use Field::{Fixed, Text, Texts};
+use Field::{Entries, Fixed, Text, Texts};
 
 /// The parts of a record up to the last one with a length, by the record's type.
 const fn layout(opcode: u8) -> &'static [Field] {
@@ -24,11 +26,11 @@ const fn layout(opcode: u8) -> &'static [Field] {
         0x03 => &[Fixed(2), Text, Text, Text],
         0x04 => &[Fixed(4), Text, Text, Texts],
         0x06 => &[Fixed(28), Text],
-        0x07 => &[Fixed(2), Text],
-        0x08 => &[Fixed(32), Text, Fixed(8), Text],
+        0x07 => &[Fixed(2), Entries(16)],
+        0x08 => &[Fixed(32), Entries(10), Fixed(8), Text],
         0x09 => &[Fixed(16), Text, Text],
         0x0A => &[Fixed(40), Text, Text],
-        0x0B => &[Fixed(42), Text],
+        0x0B => &[Fixed(42), Entries(10)],
         0x0C => &[Text, Texts],
         0x0D => &[Fixed(16), Text],
         _ => &[],
@@ -41,7 +43,8 @@ fn behind_text(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     rest.split_at_checked(usize::try_from(u32::from_le_bytes(*length)).ok()?)
 }
 
-/// True if each length in a record is within it.
+/// True if each length in a record is within it. A list that ends within an entry counts as too long: the library reads that entry from
+/// what follows on the list, and then takes any four bytes for the next length.
 fn fit(opcode: u8, body: &[u8]) -> bool {
     let walk = |rest: &mut &[u8], field: Field| -> Option<()> {
         match field {
@@ -50,9 +53,13 @@ fn fit(opcode: u8, body: &[u8]) -> bool {
             Texts => {
                 let (mut texts, behind) = behind_text(rest)?;
                 while !texts.is_empty() {
-                    texts = behind_text(texts)?.1;
+                    texts = behind_text(behind_text(texts)?.1)?.1;
                 }
                 *rest = behind;
+            }
+            Entries(length) => {
+                let (entries, behind) = behind_text(rest)?;
+                *rest = entries.len().is_multiple_of(length).then_some(behind)?;
             }
         }
         Some(())
@@ -86,6 +93,21 @@ mod tests {
         // A text in a list of texts.
         let list = [&1_u32.to_le_bytes()[..], b"n", &4_u32.to_le_bytes(), &u32::MAX.to_le_bytes()].concat();
         assert!(!fit(0x0C, &list));
+        // What fuzzing found: a list of the channels of a chunk that ends within an entry.
+        let index = |list: &[u8]| {
+            [&[0; 32][..], &[u8::try_from(list.len()).unwrap(), 0, 0, 0], list, &[0; 8], &[3, 0, 0, 0], b"lz4"].concat()
+        };
+        assert!(fit(0x08, &index(&[0; 20])) && !fit(0x08, &index(&[0; 13])));
+        let odd = [
+            &1_u32.to_le_bytes()[..],
+            b"n",
+            &6_u32.to_le_bytes(),
+            &2_u32.to_le_bytes(),
+            b"on",
+            &u32::MAX.to_le_bytes(),
+        ]
+        .concat();
+        assert!(!fit(0x0C, &odd));
         assert!(fit(0x05, &[]) && fit(0xFF, &[]) && !fit(0x0B, &[]));
     }
 }

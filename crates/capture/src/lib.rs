@@ -67,12 +67,14 @@ pub enum CaptureError {
         source: io::Error,
     },
     /// The file does not begin with MCAP's magic bytes.
-    #[error("{}: not an MCAP file: it begins with {found}, not with 89 4d 43 41 50 30 0d 0a", path.display())]
+    #[error("{}: not an MCAP file: it begins with {found}, not with 89 4d 43 41 50 30 0d 0a{hint}", path.display())]
     NotMcap {
         /// The file.
         path: PathBuf,
         /// Its first bytes in hexadecimal.
         found: String,
+        /// What to do.
+        hint: &'static str,
     },
     /// The file has no bytes.
     #[error("{} is empty, and no capture", .0.display())]

@@ -4,7 +4,7 @@
 //! is cut it returns everything before the cut. [`CaptureReader::damage`] says what is missing.
 
 use super::damage::{Damage, Holes};
-use super::foreign::{MAX_TOPICS, Seen};
+use super::foreign::{MAX_TOPICS, Seen, hint};
 use super::lengths::parse_record;
 use super::salvage::{CHUNK_HEAD, RECORD_HEAD, Source};
 use super::{
@@ -82,7 +82,7 @@ impl<R: Read> CaptureReader<R> {
         file.by_ref().take(MAGIC.len() as u64).read_to_end(&mut magic).map_err(io_error)?;
         if !MAGIC.starts_with(&magic) {
             let hex: Vec<String> = magic.iter().map(|byte| format!("{byte:02x}")).collect();
-            return Err(CaptureError::NotMcap { path: path.into(), found: hex.join(" ") });
+            return Err(CaptureError::NotMcap { path: path.into(), found: hex.join(" "), hint: hint(&magic) });
         }
         if magic.is_empty() {
             return Err(CaptureError::Empty(path.into()));

@@ -7,6 +7,7 @@
 mod check;
 mod checked_slam;
 mod concentration;
+mod doubt;
 mod finding;
 mod history;
 mod hypothesis;

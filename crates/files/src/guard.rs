@@ -1,9 +1,9 @@
 //! Whether a command may write a file: never onto one of its inputs, and onto an existing file only if it is told to.
 
+use crate::existing::{existing, folder_of, is_being_written, is_read_only, is_stream};
 use crate::{PartFile, WriteError};
-use std::fs::{self, Metadata};
-use std::io::{self, ErrorKind};
-use std::os::unix::fs::{FileTypeExt as _, MetadataExt as _};
+use std::fs;
+use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 
 /// Checks every output of one command. It knows the command's inputs, its earlier outputs, and whether the user gave `--force`.
@@ -40,6 +40,12 @@ pub enum Refusal {
     /// A file of this name exists.
     #[error("{} exists and is kept; name another file, or --force replaces it", .0.display())]
     Exists(PathBuf),
+    /// Another program is writing it.
+    #[error("{} is being written at this moment, as by a recording, and is kept; wait for its end, or name another file", .0.display())]
+    InUse(PathBuf),
+    /// It is a hyphen, which other programs take for standard output.
+    #[error("`-` is no file; name a file, or /dev/stdout for standard output into a pipe")]
+    Hyphen,
     /// The file may not be written.
     #[error("{} is read-only and is kept; name another file", .0.display())]
     ReadOnly(PathBuf),
@@ -52,7 +58,7 @@ impl Refusal {
     /// True if the command line names a file that is no output; otherwise the file cannot be created.
     #[must_use]
     pub const fn is_usage(&self) -> bool {
-        matches!(self, Self::Input(_) | Self::Twice(_) | Self::Folder(_))
+        matches!(self, Self::Input(_) | Self::Twice(_) | Self::Folder(_) | Self::Hyphen)
     }
 }
 
@@ -113,8 +119,11 @@ impl OutputGuard {
     /// The command writes a file of this name by other means, which decide whether it may. No other output may have the name.
     ///
     /// # Errors
-    /// When another output has it.
+    /// When another output has it, or it is a hyphen.
     pub fn claim(&mut self, path: &Path) -> Result<(), Refusal> {
+        if path.as_os_str() == "-" {
+            return Err(Refusal::Hyphen);
+        }
         if fs::metadata(path).is_ok_and(|metadata| is_stream(&metadata) || metadata.is_dir()) {
             return Ok(());
         }
@@ -170,6 +179,7 @@ impl OutputGuard {
             None => self.force,
             // A pipe or a device holds nothing that could be lost.
             Some(metadata) if is_stream(&metadata) => true,
+            Some(_) if is_being_written(path) => return Err(Refusal::InUse(path.into())),
             Some(metadata) if is_read_only(&metadata) => return Err(Refusal::ReadOnly(path.into())),
             Some(_) if self.force || may_be_replaced(path) => true,
             Some(_) => return Err(Refusal::Exists(path.into())),
@@ -183,6 +193,9 @@ impl OutputGuard {
     /// # Errors
     /// As [`OutputGuard::output`], except for an existing file.
     pub fn check(&self, path: &Path) -> Result<(), Refusal> {
+        if path.as_os_str() == "-" {
+            return Err(Refusal::Hyphen);
+        }
         let identity = Identity::of(path);
         let is_stream = fs::metadata(path).is_ok_and(|metadata| is_stream(&metadata));
         if self.inputs.contains(&identity) && !is_stream {
@@ -251,33 +264,6 @@ impl Output {
         file.append(bytes);
         file.finish().map(drop)
     }
-}
-
-/// What a path leads to; a link that leads nowhere counts as a file.
-fn existing(path: &Path) -> io::Result<Option<Metadata>> {
-    let missing = |result: io::Result<Metadata>| match result {
-        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-        other => other.map(Some),
-    };
-    match missing(fs::metadata(path))? {
-        Some(metadata) => Ok(Some(metadata)),
-        None => missing(fs::symlink_metadata(path)),
-    }
-}
-
-/// A pipe, a socket or a device such as a terminal.
-pub(crate) fn is_stream(metadata: &Metadata) -> bool {
-    let kind = metadata.file_type();
-    kind.is_fifo() || kind.is_char_device() || kind.is_socket()
-}
-
-/// Nobody may write the file; that its owner could change that does not count, not even for root.
-fn is_read_only(metadata: &Metadata) -> bool {
-    metadata.is_file() && metadata.mode() & 0o222 == 0
-}
-
-pub(crate) fn folder_of(path: &Path) -> &Path {
-    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or_else(|| Path::new("."))
 }
 
 #[cfg(test)]

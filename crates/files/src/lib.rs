@@ -2,6 +2,7 @@
 
 #![forbid(unsafe_code)]
 
+mod existing;
 mod folder_lock;
 mod guard;
 mod part_file;

@@ -3,7 +3,8 @@
 //! A temporary disk failure does not end the run: unwritten bytes stay in memory, up to a limit, and
 //! are written with the bytes that follow. Only [`PartFile::finish`] reports an error.
 
-use crate::guard::{Output, folder_of, is_stream};
+use crate::existing::{folder_of, is_stream, mark_as_written};
+use crate::guard::Output;
 use crate::private;
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
@@ -77,7 +78,7 @@ impl PartFile {
         let opened = if is_stream {
             private::open_stream(path).map(|file| (file, None))
         } else {
-            temporary(path).map(|(file, path)| (file, Some(path)))
+            temporary(path).inspect(|(file, _)| mark_as_written(file)).map(|(file, path)| (file, Some(path)))
         };
         let (file, temporary) = opened.map_err(|source| WriteError { path: path.into(), source })?;
         let (pending, write_at) = (Vec::with_capacity(BLOCK), BLOCK);
@@ -324,5 +325,20 @@ mod tests {
     fn errors_name_the_file_and_not_its_temporary_name() {
         let error = write_file(Path::new("/nowhere"), "map.pgm", b"").err().unwrap().to_string();
         assert_eq!(error, "/nowhere/map.pgm: No such file or directory (os error 2)");
+    }
+
+    #[test]
+    fn a_file_that_is_being_written_is_kept_even_with_force() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("drive.mcap");
+        let begin = || crate::OutputGuard::new(true).output(&path);
+        let mut live = begin().unwrap().begin().unwrap();
+        live.append(b"so far");
+        live.publish().unwrap();
+        let refusal = begin().unwrap_err();
+        assert!(matches!(refusal, crate::Refusal::InUse(_)), "{refusal}");
+        assert!(refusal.to_string().contains("is being written at this moment"), "{refusal}");
+        live.finish().unwrap();
+        assert!(begin().is_ok(), "it is complete");
     }
 }

@@ -10,6 +10,9 @@ const STANDSTILL_M: f64 = 0.02;
 /// Lost sweeps are doubtful from this share on.
 const MANY_DROPPED: f64 = 0.05;
 
+/// A position that was known less exactly at any time is doubtful, metres: a map is read to half a door.
+const DOUBTFUL_WITHIN_M: f64 = 0.5;
+
 /// A learnt wheel base is told if it differs by this share from the configured one, and its standard deviation is below that share.
 const MIN_BASE_ERROR: f64 = 0.08;
 const MAX_BASE_SIGMA: f64 = 0.02;
@@ -81,6 +84,12 @@ pub(super) fn doubts(state: &FinalState<'_>, summary: &Summary, lost_since_s: Op
             doubts.push(format!("the position was lost {} and uncertain for {uncertain_s:.1} s", times(lock_losses)));
         }
         None => {}
+    }
+    if let Some([last_m, worst_m]) = summary.position_within_m.filter(|[_, worst_m]| *worst_m > DOUBTFUL_WITHIN_M) {
+        let [last_cm, worst_cm] = [last_m, worst_m].map(|m| 100.0 * m);
+        doubts.push(format!(
+            "the position was known to within {worst_cm:.0} cm only at worst, {last_cm:.0} cm at the end (95 %)"
+        ));
     }
     if let Some(position) = summary.position.as_ref().filter(|position| !position.is_known) {
         doubts.push(position.reason.clone());

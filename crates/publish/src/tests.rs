@@ -169,3 +169,32 @@ fn a_folder_that_cannot_be_made_is_named() {
     let error = Outputs::create(&file.path().join("out")).err().unwrap().to_string();
     assert!(error.contains("/out: "), "{error}");
 }
+
+#[test]
+fn a_position_that_was_known_badly_is_doubtful() {
+    let doubts = |variance: f64| {
+        let folder = tempfile::tempdir().unwrap();
+        let mut outputs = Outputs::create(folder.path()).unwrap();
+        for step in 0..20u32 {
+            let pose = Pose2::new(0.1 * f64::from(step), 0.5, 0.0);
+            let covariance = Matrix3::identity() * if step == 10 { variance } else { 4e-4 };
+            let at = Timestamp::from_us(u64::from(step) * 1_000_000);
+            outputs.event(&Event::Estimate(Estimate { at, sweep: 1, pose, covariance, odometry: pose, nis: 1.0 }));
+        }
+        let state = FinalState {
+            config: &Config::default(),
+            raster: &flat(),
+            ring: &Ring::circle(8, 0.15, 0.218, 4),
+            states: &[],
+            counters: Counters { frames: 2403, groups: 2400, sweeps: 600, ..Counters::default() },
+            calibration: None,
+            walls: 4,
+            waiting: None,
+            ended: Timestamp::from_us(20_000_000),
+        };
+        outputs.finish(&state).unwrap().doubtful.join("; ")
+    };
+    assert_eq!(doubts(4e-4), "");
+    let said = doubts(0.1156);
+    assert!(said.contains("the position was known to within 68 cm only at worst, 10 cm at the end"), "{said}");
+}

@@ -6,6 +6,7 @@
 
 mod air;
 pub(crate) mod clock;
+mod decade;
 mod flight_unit;
 pub(crate) mod params;
 mod ring_check;
@@ -84,7 +85,7 @@ impl Aligner {
             stamps: Stamps::new(params),
             answers: Stamps::new(params),
             check: RingCheck::new(0, params),
-            unit: FlightUnit::new(params),
+            unit: FlightUnit::new(ring.range_scale, ring.max_range_m, params),
             range_scale: ring.range_scale,
             has_run_back: false,
             back_since: None,
@@ -157,6 +158,24 @@ impl Aligner {
     #[must_use]
     pub(crate) fn stamp_us(&self, stamp: u32) -> u32 {
         self.stamps.microseconds(stamp)
+    }
+
+    /// Microseconds of flight per number that the board sends: 1, unless the readings show another unit.
+    #[must_use]
+    pub(crate) fn flight_factor(&self) -> f64 {
+        self.unit.factor()
+    }
+
+    /// True over reported range where the readings show that they are ten times too short or too long; otherwise 1.
+    #[must_use]
+    pub(crate) fn range_factor(&self) -> f64 {
+        self.unit.range_factor()
+    }
+
+    /// True while no reading lies beyond half a metre: the readings do not tell whether they are ten times too short.
+    #[must_use]
+    pub(crate) fn is_unit_open(&self) -> bool {
+        self.unit.is_open()
     }
 
     /// Sweeps dropped because too few of their messages arrived.
@@ -293,6 +312,7 @@ impl Aligner {
         let at = host.max(Timestamp::from_us(self.newest.us().saturating_add(1)));
         if let Some(sweep) = sweeper.finish(at, &self.track, wheels) {
             self.newest = at;
+            self.unit.rolled(sweep.left_m, sweep.right_m);
             each(sweep);
         }
     }

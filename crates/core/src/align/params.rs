@@ -39,6 +39,22 @@
 /// | `air_drift_k_s` | 0.05 | K/s | 20 K outdoors within six minutes | less: a robot that goes outdoors keeps the old air; more: jumps are believed sooner |
 /// | `max_cm_flight` | 620 | 1 | in centimetres above `ring.max_range_m` of usual sensors (4.5 m), in microseconds 0.1 m | less: centimetres are called microseconds; more: a ring in a narrow place is called centimetres |
 /// | `unit_flights` | 100 | 1 | a second of a ring of 8: that no sensor sees farther than 0.1 m | less: a robot that starts against a box is taken wrong; more: the first ranges of such a board are missing for longer |
+/// | `near_cm_flight` | 60 | 1 | in microseconds 1 cm, nearer than any sensor measures; in centimetres nearer than some wall of a room | less: centimetres are known later; more: microseconds beside a box are called centimetres |
+/// | `decade_flights` | 300 | 1 | some seconds of a ring of 8 | less: chance decides; more: said late |
+/// | `decade_near_us` | 2,800 | µs | 0.48 m: a tenth of the reach of usual sensors (4.5 m) | less: readings that are ten times too short are believed; more: a narrow place is called a wrong unit |
+/// | `decade_beyond` | 5 | 1 | stray echoes | less: stray echoes hide a wrong unit; more: a narrow place is called a wrong unit |
+/// | `decade_path_m` | 1.0 | m | a push of 0.3 m and a turn | less: a narrow place is called a wrong unit; more: said late |
+/// | `decade_end_m` | 10 | m | a wrong unit shows within 2 m | less: a robot that starts in a narrow place is not checked; more: time is wasted |
+/// | `decade_straight_m` | 0.25 | m | a push by hand | less: chance decides; more: a drill by hand tells nothing |
+/// | `decade_step_m` | 0.003 | m | 0.03 m/s at 10 sweeps per second | less: noise counts as change; more: slow robots tell nothing |
+/// | `decade_straight` | 0.25 | 1 | wheels that differ by less than this part of both together | less: wheels that differ tell nothing; more: turns count as travel |
+/// | `decade_pings` | 20 | 1 | two seconds of a ring | less: chance decides; more: sparse sensors are left out |
+/// | `decade_span` | 1.7 | 1 | in a corridor, readings of its walls vary less | less: a corridor is called a wrong unit; more: a wrong unit stays unsaid |
+/// | `decade_varied` | 0.35 | 1 | simulated rooms: 0.1 for ten times too short, 1 for right ranges | less: a wrong unit stays unsaid; more: a narrow place is called a wrong unit |
+/// | `decade_far_us` | 49,000 | µs | 8.4 m: twice the reach of usual sensors | less: ranges that count the way twice are called a wrong unit; more: a wrong unit stays unsaid |
+/// | `decade_far_share` | 0.05 | 1 | rooms have walls at 0.85 to 1.1 m, which lie there ten times too far | less: stray echoes count; more: a wrong unit stays unsaid |
+/// | `decade_far_ms` | 7 | ms | a timeout that is sent as an echo lies within one or two | less: timeouts are called a wrong unit; more: said late |
+/// | `decade_least_us` | 700 | µs | 0.12 m: ten times what a sensor measures at least | less: walls that touch the robot hide it; more: right ranges with far timeouts are called wrong |
 /// | `crosstalk_pings` | 40 | 1 | a second or more of changing echoes | less: chance looks like crosstalk; more: said late |
 /// | `crosstalk_share` | 0.8 | 1 | echoes of different walls rarely agree to the microsecond, on boards that round to 58 µs in one of a few | less: rounding looks like crosstalk; more: partial crosstalk stays unsaid |
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,6 +67,38 @@ pub struct Params {
     pub max_cm_flight: u16,
     /// So many times of flight, all below that, are ranges in centimetres.
     pub unit_flights: u32,
+    /// Centimetres of a ring whose least one exceeds this are known later.
+    pub near_cm_flight: u16,
+    /// So many times of flight show whether ranges are ten times too short or too long.
+    pub decade_flights: u32,
+    /// Ranges that are ten times too short never exceed this, microseconds.
+    pub decade_near_us: u16,
+    /// So many times of flight may exceed it.
+    pub decade_beyond: u32,
+    /// Travel over which all ranges are too short, metres.
+    pub decade_path_m: f64,
+    /// Part of it that is straight, metres.
+    pub decade_straight_m: f64,
+    /// Step of the wheels within a sweep that is one, metres.
+    pub decade_step_m: f64,
+    /// Difference of the wheels over their sum, on a straight way.
+    pub decade_straight: f64,
+    /// Travel after which the ranges are believed, metres.
+    pub decade_end_m: f64,
+    /// A sensor with so many times of flight is counted.
+    pub decade_pings: u32,
+    /// Greatest over least reading of a sensor that sees other walls.
+    pub decade_span: f64,
+    /// Changes of ranges that are too short, per travel.
+    pub decade_varied: f64,
+    /// No usual sensor measures such times of flight, microseconds.
+    pub decade_far_us: u16,
+    /// Share of such times of flight in ranges that are too long.
+    pub decade_far_share: f64,
+    /// Milliseconds over which they spread.
+    pub decade_far_ms: u32,
+    /// Ranges that are too long are never shorter than this, microseconds.
+    pub decade_least_us: u16,
     /// Number of round trips kept.
     pub max_trips: usize,
     /// Round trips that take longer are ignored, seconds.
@@ -126,6 +174,22 @@ impl Default for Params {
             window_s: 60.0,
             max_cm_flight: 620,
             unit_flights: 100,
+            near_cm_flight: 60,
+            decade_flights: 300,
+            decade_near_us: 2_800,
+            decade_beyond: 5,
+            decade_path_m: 1.0,
+            decade_straight_m: 0.25,
+            decade_step_m: 0.003,
+            decade_straight: 0.25,
+            decade_end_m: 10.0,
+            decade_pings: 20,
+            decade_span: 1.7,
+            decade_varied: 0.35,
+            decade_far_us: 49_000,
+            decade_far_share: 0.05,
+            decade_far_ms: 7,
+            decade_least_us: 700,
             max_trips: 256,
             max_trip_s: 1.0,
             max_ahead_s: 0.2,

@@ -125,6 +125,13 @@ pub(crate) enum Trouble {
     Crosstalk(u8, u8),
     /// Times of flight are ranges in centimetres.
     FlightsInCentimetres,
+    /// The ranges are ten times too short or too long: true over reported range, and the `ring.range_scale` that mends it.
+    RangesOff {
+        /// True over reported range; 1 if an earlier factor was wrong.
+        factor: f64,
+        /// The configured scale times this factor.
+        scale: f64,
+    },
 }
 
 /// What a trouble of the board is about.
@@ -164,7 +171,7 @@ impl Trouble {
             Self::UnknownSensor(..) => Topic::SensorIds,
             Self::Twice(_) | Self::Overlap(..) => Topic::Groups,
             Self::Crosstalk(..) => Topic::Crosstalk,
-            Self::FlightsInCentimetres => Topic::FlightUnit,
+            Self::FlightsInCentimetres | Self::RangesOff { .. } => Topic::FlightUnit,
         }
     }
 }
@@ -216,6 +223,22 @@ impl fmt::Display for Trouble {
             Self::FlightsInCentimetres => f.write_str(
                 "the board's times of flight are so short that they must be ranges in centimetres; they are taken times \
                  58: send microseconds from trigger to echo (pulseIn() without a division), as protocol/README.md says",
+            ),
+            Self::RangesOff { factor, .. } if (*factor - 1.0).abs() < 0.5 => f.write_str(
+                "the ranges are not too short, as was said before; they are taken as they are from here on, and the map \
+                 begins anew: drive the robot where walls are farther than half a metre away",
+            ),
+            Self::RangesOff { factor, scale } if *factor > 1.0 => write!(
+                f,
+                "all ranges are a tenth of what the way of the robot shows: the board takes millimetres for centimetres, \
+                 or reports a tenth of the time of flight; they are taken times 10, and the map begins anew: correct the \
+                 unit in the firmware, or set ring.range_scale = {scale}"
+            ),
+            Self::RangesOff { scale, .. } => write!(
+                f,
+                "the ranges lie as far as 8 to 11 m, where no such sensor measures: the board takes centimetres for \
+                 millimetres, or reports ten times the time of flight; they are divided by 10, and the map begins anew: \
+                 correct the unit in the firmware, or set ring.range_scale = {scale}"
             ),
             Self::Crosstalk(a, b) => write!(
                 f,

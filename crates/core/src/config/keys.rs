@@ -120,9 +120,9 @@ fn ring() -> Vec<Key> {
         ),
         number(
             "range_scale",
-            0.1,
-            10.0,
-            "True over reported range: 2 for a board that reports the time of flight one way.",
+            0.02,
+            50.0,
+            "True over reported range: 2 for a board that reports the time of flight one way, 10 for millimetres that are taken for centimetres.",
         ),
         number("temperature_c", -40.0, 85.0, "Air temperature until the board reports one, degrees Celsius."),
         key(

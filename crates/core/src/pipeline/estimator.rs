@@ -10,6 +10,7 @@ use crate::params::Params;
 use crate::robot_model::CheckedSlam;
 use crate::saved_state::{InvalidState, SavedState};
 use crate::sweep::Sweep;
+use crate::time::Timestamp;
 
 /// What a run begins with.
 #[derive(Clone, Debug, Default)]
@@ -39,6 +40,9 @@ pub trait Estimator: std::fmt::Debug + Send {
 
     /// Uses the sweeps that still wait: no more will come.
     fn end(&mut self, _events: &mut Vec<Event>) {}
+
+    /// Forgets what it has mapped: nothing of it was right.
+    fn begin_anew(&mut self, _at: Timestamp, _events: &mut Vec<Event>) {}
 
     /// The map.
     fn raster(&self) -> Raster;

@@ -1,6 +1,7 @@
 //! Messages beside the sweeps, and what is wrong with the board: said as events, and kept with its topic.
 
-use super::{Pipeline, Topic};
+use super::{Pipeline, Start, Topic};
+use crate::align::trouble::Trouble;
 use crate::event::Event;
 use crate::robot_model::{ModelAspect, ModelEvent, ticks_remedy};
 use crate::sweep::Sweep;
@@ -74,6 +75,24 @@ impl Pipeline {
         self.aligner.stamp_us(stamp)
     }
 
+    /// Microseconds of flight per number that the board sends: 1, unless its readings show that it sends another unit.
+    #[must_use]
+    pub fn flight_factor(&self) -> f64 {
+        self.aligner.flight_factor()
+    }
+
+    /// True over reported ranges where the readings show that they are ten times too short or too long; otherwise 1.
+    #[must_use]
+    pub fn range_factor(&self) -> f64 {
+        self.aligner.range_factor()
+    }
+
+    /// True while no reading lies beyond half a metre, so that the readings do not tell their unit: the robot must move.
+    #[must_use]
+    pub fn is_range_unit_open(&self) -> bool {
+        self.aligner.is_unit_open()
+    }
+
     /// Says what is wrong with the board, if it has not been said.
     pub(super) fn trouble(&mut self, topic: Topic, text: String, at: Timestamp) {
         if self.noted.troubles.iter().any(|(_, said)| *said == text) {
@@ -100,6 +119,12 @@ impl Pipeline {
     pub(super) fn take_troubles(&mut self, at: Timestamp) {
         while let Some(trouble) = self.aligner.take_trouble() {
             self.trouble(trouble.topic(), trouble.to_string(), at);
+            if matches!(trouble, Trouble::RangesOff { .. })
+                && matches!(self.start, Start::Fresh)
+                && let Some(estimator) = &mut self.estimator
+            {
+                estimator.begin_anew(at, &mut self.events);
+            }
         }
     }
 

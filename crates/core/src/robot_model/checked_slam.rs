@@ -4,6 +4,7 @@
 //! sweeps are still there, the map is begun anew with the robot found, from the first sweep on; otherwise the pose stays in doubt.
 
 use super::check::{ModelCheck, Verdict};
+use super::doubt::{Doubt, SUSPECTED, doubted, lost};
 use super::finding::{ModelEvent, ModelState};
 use super::history::History;
 use super::hypothesis::RobotModel;
@@ -45,20 +46,12 @@ pub(crate) struct CheckedSlam {
     /// What the method says of the readings' noise, until the robot is known: the walls of a wrong one look noisy.
     noise: Option<Event>,
     doubt: Doubt,
+    /// The robot that was told last.
+    told: Option<RobotModel>,
     is_lost: bool,
     encoders: [EncoderState; 2],
     /// Added to the map's revisions: the map before the last restart had fewer.
     first_revision: u64,
-}
-
-/// Whether the poses are in doubt because of the robot.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Doubt {
-    None,
-    /// Until the check has an answer. Since then.
-    Open(Timestamp),
-    /// To the end: no correction is possible, or two robots explain the walls alike.
-    Lasting,
 }
 
 impl CheckedSlam {
@@ -95,6 +88,7 @@ impl CheckedSlam {
             history,
             noise: None,
             doubt: Doubt::None,
+            told: None,
             is_lost: false,
             encoders: [EncoderState::Healthy; 2],
             first_revision: 0,
@@ -181,7 +175,8 @@ impl CheckedSlam {
     }
 
     /// Says in what a robot differs from the configured one.
-    fn tell(&self, found: &RobotModel, state: ModelState, at: Timestamp, events: &mut Vec<Event>) {
+    fn tell(&mut self, found: &RobotModel, state: ModelState, at: Timestamp, events: &mut Vec<Event>) {
+        self.told = Some(*found);
         let since = Timestamp::default();
         let findings = naming::findings(&self.config, found).into_iter();
         events.extend(findings.map(|finding| Event::Model(ModelEvent { at, since, finding, state })));
@@ -278,23 +273,12 @@ impl CheckedSlam {
     }
 }
 
-/// Reason of a doubt that the check has not confirmed yet.
-const SUSPECTED: &str = "the walls fit another robot better than the configured one; this is being checked";
-
-fn doubted(at: Timestamp, since: Timestamp, reason: &str) -> Event {
-    let change = LocalizationChange::Doubted { reason: reason.into() };
-    Event::Localization(LocalizationEvent { at, since, change })
-}
-
-fn lost(event: &Event) -> Option<bool> {
-    if let Event::Localization(event) = event { Some(event.is_lost()) } else { None }
-}
-
 impl Estimator for CheckedSlam {
     fn update(&mut self, sweep: &Sweep, events: &mut Vec<Event>) {
         self.history.push(sweep, self.params.wall_slam.axis_every_sweeps);
         if std::mem::take(&mut self.is_untold) {
-            self.tell(&self.model, ModelState::Corrected, sweep.at, events);
+            let model = self.model;
+            self.tell(&model, ModelState::Corrected, sweep.at, events);
         }
         let earlier = events.len();
         self.follow(sweep, events);
@@ -339,6 +323,23 @@ impl Estimator for CheckedSlam {
 
     fn end(&mut self, events: &mut Vec<Event>) {
         self.slam.end(events);
+    }
+
+    fn begin_anew(&mut self, at: Timestamp, events: &mut Vec<Event>) {
+        if let Some(told) = self.told.take() {
+            self.tell(&told, ModelState::Resolved, at, events);
+        }
+        if self.is_lost || self.doubt != Doubt::None {
+            let change = LocalizationChange::Trusted;
+            events.push(Event::Localization(LocalizationEvent { at, since: at, change }));
+        }
+        let first_revision = self.first_revision + self.slam.map_since(u64::MAX).map_or(0, |(_, newest)| newest) + 2;
+        let (slam, history) = (
+            WallSlam::with_params(&self.config, &self.ring, &self.params),
+            History::new(self.params.robot_model.max_history_sweeps),
+        );
+        *self = Self { first_revision, ..Self::around(slam, &self.config, &self.ring, &self.params, history) };
+        events.push(Event::Revised { at, poses: Vec::new() });
     }
 
     fn raster(&self) -> Raster {

@@ -48,6 +48,8 @@ use crate::geometry::degrees;
 /// | `found_sigma` | 0.08 | 1 | by design: the resolution of the search | Too small: the filter keeps its error. Too large: the first false wall stretches the map |
 /// | `restart_passes` | 3 | passes | by design: the second begins where the first ended, the third confirms | Too small: walls keep the error of the search. Too large: the pipeline stands still for longer |
 /// | `restart_distance` | 0.05 | 1 | by design: 1 % of travel or turning | As `restart_passes` |
+/// | `unit_range_m` | 0.48 | m | as `decade_near_us` of the alignment | As `unit_path_m` |
+/// | `unit_path_m` | 3.0 | m | the alignment names a wrong unit within 2 m | Too small: ranges in a wrong unit are called a wrong robot. Too large: a robot in a narrow place is checked late |
 /// | `max_history_sweeps` | 1800 | sweeps | by design: three minutes at 10 Hz, some 6 MB with 32 sensors | Too small: a wrong robot is named but not corrected. Too large: memory, and the time of a restart |
 #[expect(missing_docs, reason = "the table describes each field")]
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -92,6 +94,8 @@ pub struct Params {
     pub found_sigma: f64,
     pub restart_passes: usize,
     pub restart_distance: f64,
+    pub unit_range_m: f64,
+    pub unit_path_m: f64,
     pub max_history_sweeps: usize,
 }
 
@@ -138,6 +142,8 @@ impl Default for Params {
             found_sigma: 0.08,
             restart_passes: 3,
             restart_distance: 0.05,
+            unit_range_m: 0.48,
+            unit_path_m: 3.0,
             max_history_sweeps: 1_800,
         }
     }

@@ -20,6 +20,9 @@ pub(super) struct Window {
     next_sensor: usize,
     /// Since the last clear, older sweeps have left.
     is_full: bool,
+    /// The farthest return of all, and the path of all, metres.
+    farthest_m: f64,
+    whole_path_m: f64,
 }
 
 /// One sweep of the window.
@@ -49,7 +52,14 @@ impl Window {
             path_m: 0.0,
             next_sensor: 0,
             is_full: false,
+            farthest_m: 0.0,
+            whole_path_m: 0.0,
         }
+    }
+
+    /// True while the ranges may be in a wrong unit: then no geometry is right.
+    fn is_unit_open(&self, params: &Params) -> bool {
+        self.farthest_m < params.unit_range_m && self.whole_path_m < params.unit_path_m
     }
 
     /// The sweeps held.
@@ -84,7 +94,7 @@ impl Window {
         self.is_full
     }
 
-    /// Adds a sweep of the configured robot if it has moved since the last one. True if it was added.
+    /// Adds a sweep of the configured robot if it has moved since the last one. True if it was added and the window tells something.
     pub(super) fn add(
         &mut self,
         sweep: &Sweep,
@@ -111,6 +121,7 @@ impl Window {
                 break;
             };
             if beam.has_range() && is_trusted(sensor) {
+                self.farthest_m = self.farthest_m.max(beam.range_m);
                 let moved = beam.robot_from_sensor * mounting.robot_from_sensor.inverse();
                 self.returns.push_back(Return { sensor, moved, range_m: beam.range_m });
             }
@@ -118,6 +129,7 @@ impl Window {
         let returns = self.returns.len() - before;
         self.keys.push_back(Key { ds_m: self.ds_m, dtheta_rad: self.dtheta_rad, path_m, returns });
         self.path_m += path_m;
+        self.whole_path_m += path_m;
         (self.ds_m, self.dtheta_rad) = (0.0, 0.0);
         let is_long = |window: &Self| window.path_m > params.max_path_m && window.len() > params.min_keys;
         while self.len() > params.max_keys || is_long(self) {
@@ -126,7 +138,7 @@ impl Window {
             self.path_m -= oldest.path_m;
             self.returns.drain(..oldest.returns);
         }
-        true
+        !self.is_unit_open(params)
     }
 
     /// All returns as a robot lays them out, in the frame of its oldest pose and measured by the reported ranges: a smaller unit would

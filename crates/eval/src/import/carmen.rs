@@ -15,6 +15,7 @@
 //! that look past the beams are left out, and so are beams of 0 m. One kind of ranges is used, the others skipped: the first, or the
 //! one that is asked for.
 
+use super::broken::Broken;
 use super::drive::{Drive, Found};
 use super::rows::Row;
 use super::{ImportError, Options, SourceLine, WheelTicks, sequence, text};
@@ -82,7 +83,7 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
     let mut found =
         Found { kind: "the CARMEN log", is_whole: text.is_whole, remarks: text.remarks, ..Found::default() };
     found.remarks.extend(several(&kinds, scan));
-    let count = text.text.lines().count();
+    let (count, mut broken) = (text.text.lines().count(), Broken::default());
     for (number, line) in (1..).zip(text.text.lines()) {
         let fields: Vec<&str> = line.split_whitespace().collect();
         match log.line(SourceLine { file, number }, &fields, scan) {
@@ -93,13 +94,12 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
                     .remarks
                     .push(format!("line {number}: the last line is cut off and left out; what followed it is lost"));
             }
-            Err(error) => return Err(error),
+            Err(error) => broken.row(error),
         }
     }
+    found.remarks.extend(broken.end(log.rows.len())?);
     if !log.has_ranges {
-        let any = "SONAR, ROBOTLASER1 or FLASER lines";
-        let expected = if options.scan.is_some() { scan.word() } else { any };
-        return Err(ImportError::Empty { file: file.into(), expected });
+        return Err(no_ranges(options.scan, &kinds, &text.text, file));
     }
     found.doubts.append(&mut log.doubts);
     if log.rows.iter().all(|row| row.ticks.contains(&None)) {
@@ -107,6 +107,24 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
     }
     found.clamped = sequence::clamp(&mut log.rows);
     Drive::new(log.rows, found, file, config, options)
+}
+
+/// A log without the wanted ranges.
+fn no_ranges(wanted: Option<Scan>, kinds: &BTreeMap<Scan, (usize, usize)>, text: &str, file: &str) -> ImportError {
+    match wanted {
+        Some(scan) if !kinds.is_empty() => {
+            let lines = |(kind, (_, lines)): (&Scan, &(usize, usize))| {
+                format!("{lines} {} lines (--scan {})", kind.word(), kind.word().to_ascii_lowercase())
+            };
+            let there: Vec<String> = kinds.iter().map(lines).collect();
+            let problem = format!("the log has no {} line, but {}", scan.word(), there.join(" and "));
+            ImportError::Problem { file: file.into(), problem }
+        }
+        _ if text.lines().take(20).any(|line| line.matches([',', ';', '\t']).count() > 2) && !text::is_carmen(text) => {
+            ImportError::Foreign { file: file.into(), what: "no CARMEN log but a table; `slamd import ring` reads CSV" }
+        }
+        _ => ImportError::Empty { file: file.into(), expected: "SONAR, ROBOTLASER1 or FLASER lines" },
+    }
 }
 
 /// By kind of ranges: its first line and the number of its lines.

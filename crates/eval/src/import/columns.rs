@@ -204,6 +204,23 @@ pub(super) fn roles(
 fn of_header(line: SourceLine<'_>, names: &[String], sensors: usize) -> Result<Vec<Role>, ImportError> {
     let wanted = LEADING.iter().map(ToString::to_string).chain((0..sensors).map(|sensor| format!("r{sensor}")));
     let mut roles = Vec::with_capacity(LEADING.len() + sensors);
+    // A header of fewer or more sensors than the ring has is that of another robot.
+    let count = names
+        .iter()
+        .skip(LEADING.len())
+        .enumerate()
+        .take_while(|(sensor, name)| name.eq_ignore_ascii_case(&format!("r{sensor}")));
+    let count = count.count();
+    let is_leading = LEADING.iter().zip(names).all(|(ours, theirs)| theirs.eq_ignore_ascii_case(ours));
+    if is_leading && count > 0 && count != sensors && names.iter().skip(LEADING.len() + count).all(String::is_empty) {
+        let problem = format!(
+            "line {}: the header has {count} sensors (r0 to r{}), the configured ring has {sensors}: name this robot's configuration with \
+             --config, or the columns with --columns",
+            line.number,
+            count - 1
+        );
+        return Err(ImportError::Problem { file: line.file.into(), problem });
+    }
     for (column, name) in wanted.enumerate() {
         let field = names.get(column).map(String::as_str).unwrap_or_default();
         if !field.eq_ignore_ascii_case(&name) {
@@ -258,7 +275,10 @@ mod tests {
     fn what_is_wrong_with_columns_is_named() {
         let error = |spec, header, sensors| of(spec, header, sensors).unwrap_err();
         assert!(error(None, Some("time,left_ticks"), 2).contains("line 1, column 1: `time`: expected `t_s`"));
-        assert!(error(None, Some("t_s,left_ticks,right_ticks,r0,r1"), 1).contains("column 5: `r1`: expected the end"));
+        assert!(
+            error(None, Some("t_s,left_ticks,right_ticks,r0,r1"), 1).contains("the header has 2 sensors (r0 to r1)")
+        );
+        assert!(error(None, Some("t_s,left_ticks,right_ticks,r0,x"), 1).contains("column 5: `x`: expected the end"));
         assert!(error(Some("t_s,r0,banana"), None, 1).contains("\"banana\" is no column"));
         for (twice, name) in
             [("t_s,r0,r1,r0", "r0"), ("t_s,r0-r2,r1", "r1"), ("t_s=a,T_S=b,r0=c", "t_s"), ("t_s=a,r0=a", "a")]

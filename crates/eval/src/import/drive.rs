@@ -1,6 +1,7 @@
 //! A recording that has been read and checked, whatever its format, and can be written as a capture.
 
-use super::ranges::Readings;
+use super::mixed_units::{self, Limits};
+use super::ranges::{RangeUnit, Readings};
 use super::recorder::{Recorder, Summary};
 use super::rows::{self, Filler, Row};
 use super::stamps::{self, Wheel};
@@ -65,7 +66,9 @@ impl Drive {
         ranges::convert(&mut rows, options.range_unit, &options.no_echo, sound_m_s);
         let filler = if collects { Filler::find(&rows) } else { None };
         filler.unwrap_or_default().clear(&mut rows);
-        let mut readings = Readings::new(config, sound_m_s);
+        let limits = Limits { min_m: config.ring.min_range_m, max_m: config.ring.max_range_m };
+        doubts.extend(mixed_units::check(&mut rows, limits, file)?);
+        let mut readings = Readings::new(config, options.range_unit.unwrap_or(RangeUnit::Metres), sound_m_s);
         for row in &rows {
             row.readings.iter().enumerate().for_each(|(sensor, reading)| readings.add(sensor, *reading));
         }
@@ -76,6 +79,7 @@ impl Drive {
         remarks.extend(stamps.remarks);
         let filled = rows::fill_ticks(&mut rows, file)?;
         check_duration(&rows, file)?;
+        let notes = format!("imported from {kind} {file}, {} rows", rows.len());
         let ends = filler.map(|filler| rows::cycle_ends(&rows, filler));
         let max_range_m = config.ring.max_range_m;
         let nothing_from_m = clipped.as_ref().map_or(max_range_m, |(from_m, _)| from_m.min(max_range_m)) - ROUNDING_M;
@@ -94,7 +98,7 @@ impl Drive {
             rows,
             ends,
             config: config.clone(),
-            notes: format!("imported from {kind} {file}"),
+            notes,
             unix_zero_us: stamps.unix_zero_us,
             nothing_from_m,
             is_whole,
@@ -118,6 +122,12 @@ impl Drive {
     #[must_use]
     pub const fn is_whole(&self) -> bool {
         self.is_whole
+    }
+
+    /// The notes of the capture: what it is imported from. Another recording of the same name hardly has as many rows.
+    #[must_use]
+    pub fn notes(&self) -> &str {
+        &self.notes
     }
 
     /// Writes the capture.

@@ -9,11 +9,14 @@
 #![deny(clippy::allow_attributes, clippy::allow_attributes_without_reason)]
 
 pub mod bag;
+mod broken;
 pub mod carmen;
 mod columns;
 mod counts;
+mod cut_end;
 mod dates;
 mod drive;
+mod mixed_units;
 mod ranges;
 mod recorder;
 pub mod ring;

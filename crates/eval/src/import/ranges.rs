@@ -100,6 +100,8 @@ pub(super) struct Readings {
     min_range_m: f64,
     max_range_m: f64,
     sound_m_s: f64,
+    /// The unit that the user has named, in which the readings were.
+    unit: RangeUnit,
     /// Finite readings above zero.
     values: Vec<f64>,
     zeros: u64,
@@ -109,10 +111,10 @@ pub(super) struct Readings {
 }
 
 impl Readings {
-    pub(super) fn new(config: &Config, sound_m_s: f64) -> Self {
+    pub(super) fn new(config: &Config, unit: RangeUnit, sound_m_s: f64) -> Self {
         let (min_range_m, max_range_m) = (config.ring.min_range_m, config.ring.max_range_m);
         let (values, at_greatest) = (Vec::new(), BTreeMap::new());
-        Self { min_range_m, max_range_m, sound_m_s, values, zeros: 0, at_greatest, greatest: 0.0 }
+        Self { min_range_m, max_range_m, sound_m_s, unit, values, zeros: 0, at_greatest, greatest: 0.0 }
     }
 
     /// Takes a reading. Infinity is no echo, NaN no measurement.
@@ -205,8 +207,12 @@ impl Readings {
 
     /// The greatest unit in which nearly all readings are within the ring's range, and the greatest of them in metres.
     fn guess(&self) -> Option<(RangeUnit, f64)> {
-        RangeUnit::OTHERS.into_iter().find_map(|unit| {
-            let factor = unit.metres(self.sound_m_s);
+        let named_m = self.unit.metres(self.sound_m_s);
+        // Readings that were too small in the named unit are of a greater one, and too great ones of a smaller one.
+        let is_small = self.greatest < self.max_range_m;
+        let all = std::iter::once(Metres).chain(RangeUnit::OTHERS).filter(|unit| *unit != self.unit);
+        all.into_iter().find_map(|unit| {
+            let factor = unit.metres(self.sound_m_s) / named_m;
             let fits = |value: &&f64| {
                 let metres = factor * **value;
                 metres <= TOLERANCE * self.max_range_m
@@ -214,9 +220,13 @@ impl Readings {
             let fitting: Vec<&f64> = self.values.iter().filter(fits).collect();
             let far = fitting.iter().filter(|value| factor * ***value >= self.min_range_m).count();
             let greatest = fitting.iter().map(|value| **value).fold(0.0, f64::max);
-            let fits =
-                fitting.len().min(far) as f64 >= FITS * self.values.len() as f64 && self.greatest > self.max_range_m;
-            fits.then_some((unit, factor * greatest))
+            let are_fitting = fitting.len().min(far) as f64 >= FITS * self.values.len() as f64;
+            let is_other = if is_small {
+                self.unit != Metres && factor > 1.0
+            } else {
+                factor < 1.0 && self.greatest > self.max_range_m
+            };
+            (are_fitting && is_other).then_some((unit, factor * greatest))
         })
     }
 }
@@ -229,7 +239,7 @@ mod tests {
 
     /// The verdict on ranges from 0.6 m to 2.95 m, of which each is so many of a unit, and on further ones.
     fn verdict_with(per_m: f64, further: &[f64]) -> Result<Vec<String>, String> {
-        let mut readings = Readings::new(&Config::default(), SOUND_M_S);
+        let mut readings = Readings::new(&Config::default(), Metres, SOUND_M_S);
         (0..400u32).for_each(|k| readings.add(3, (0.6 + 2.35 * f64::from(k) / 399.0) * per_m));
         [f64::INFINITY, f64::NAN].iter().chain(further).for_each(|reading| readings.add(4, *reading));
         readings.check("a.csv").map_err(|error| error.to_string())
@@ -265,13 +275,13 @@ mod tests {
         let doubts = verdict_with(1.0, &[0.0; 400]).unwrap();
         assert_eq!(doubts, ["400 readings (50 %) are 0, taken as too close; where 0 means no echo: --no-echo 0"]);
         assert_eq!(verdict_with(1.0, &[0.0; 3]), Ok(vec![]));
-        let readings = Readings::new(&Config::default(), SOUND_M_S);
+        let readings = Readings::new(&Config::default(), Metres, SOUND_M_S);
         assert!(readings.check("a.csv").unwrap()[0].contains("no sensor has measured"));
     }
 
     #[test]
     fn readings_clipped_below_the_greatest_range_are_no_echo() {
-        let mut readings = Readings::new(&Config::default(), SOUND_M_S);
+        let mut readings = Readings::new(&Config::default(), Metres, SOUND_M_S);
         for k in 0..400u32 {
             readings.add(3, 0.6 + 2.0 * f64::from(k) / 399.0);
             readings.add(k as usize % 6, if k % 4 == 0 { 2.95 } else { 1.0 });

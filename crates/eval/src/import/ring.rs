@@ -8,13 +8,14 @@
 //! that have just answered, the others empty, `nan`, 0 or negative, the rows of a cycle become one sweep, each with its own time and
 //! counts.
 
+use super::broken::Broken;
 use super::columns::{Columns, Role, T_S, roles};
 use super::counts::{self, Cells, Counting};
 use super::drive::{Drive, Found};
 use super::rows::{Filler, Row};
 use super::sequence::spread_equal;
 use super::table::{Record, Table, excerpt};
-use super::{ImportError, Options, SourceLine, dates, text, tick_cells, times};
+use super::{ImportError, Options, SourceLine, cut_end, dates, text, tick_cells, times};
 use slamd_core::Config;
 use std::f64::consts::TAU;
 use std::io::Read;
@@ -28,6 +29,10 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
     let sensors = config.ring.ring().ok_or(ImportError::Config("ring.circle or ring.sensors"))?.len();
     let ticks_per_turn = config.robot.ticks_per_turn.ok_or(ImportError::Config("robot.ticks_per_turn"))?;
     let text = text::read(input, file)?;
+    if text::is_carmen(&text.text) {
+        let what = "a CARMEN log; `slamd import carmen` reads it";
+        return Err(ImportError::Foreign { file: file.into(), what });
+    }
     let columns = options.columns.as_ref();
     let first = columns.map_or(T_S, Columns::first);
     let mut table = Table::read(&text.text, first, columns.is_some_and(Columns::is_in_order));
@@ -128,7 +133,7 @@ fn parse(
     found: &mut Found,
 ) -> Result<(Vec<Row>, Vec<Cells>), ImportError> {
     let (mut rows, mut cells) = (Vec::with_capacity(table.lines.len()), Vec::with_capacity(table.lines.len()));
-    let last = table.lines.len().saturating_sub(1);
+    let (last, mut broken) = (table.lines.len().saturating_sub(1), Broken::default());
     for (index, record) in table.records().enumerate() {
         if record.fields.iter().all(String::is_empty) {
             found.left_out += u64::from(record.fields.len() > 1);
@@ -152,10 +157,29 @@ fn parse(
                     "line {line}: the last row is cut off ({fields} of {columns} fields) and left out; what followed it is lost"
                 ));
             }
-            Err(error) => return Err(error),
+            // What a board prints when it starts has neither the time nor the number of a row's fields.
+            Err(_) if record.fields.len() != roles.len() && !has_stamp(&record, roles) => {
+                broken.text(record.line, &record.fields.join(","));
+            }
+            Err(error) => broken.row(error),
         }
     }
+    found.remarks.extend(broken.end(rows.len())?);
+    if let Some(line) = cut_end::line(table, roles) {
+        found.is_whole = false;
+        rows.pop();
+        cells.pop();
+        found.remarks.push(format!(
+            "line {line}: the last row has no line end, and its last value is shorter than the others: it is cut off and left out"
+        ));
+    }
     Ok((rows, cells))
+}
+
+/// True if the time of a row can be read.
+fn has_stamp(record: &Record, roles: &[Role]) -> bool {
+    let cell = roles.iter().position(|role| *role == Role::Time).and_then(|time| record.fields.get(time));
+    cell.is_some_and(|cell| cell.is_empty() || cell.parse::<f64>().is_ok() || is_date(cell))
 }
 
 type Ticks = [Option<f64>; 2];
@@ -173,7 +197,14 @@ fn row(
         return Err(line.error("", fields.len(), &expected));
     }
     if let Some(field) = fields.get(roles.len()).filter(|field| !field.is_empty()) {
-        return Err(line.error(field, roles.len(), &format!("the end of the line: the ring has {sensors} sensors")));
+        let is_whole = |field: &String| field.parse::<i64>().is_ok();
+        let hint = if fields.iter().all(is_whole) {
+            ": commas are decimal signs here, too: export with decimal points, or with ; between the fields"
+        } else {
+            ""
+        };
+        let expected = format!("the end of the line: the ring has {sensors} sensors{hint}");
+        return Err(line.error(field, roles.len(), &expected));
     }
     let mut ticks: Ticks = [None, None];
     let mut row = Row { line: record.line, t_s: f64::NAN, ticks: [None; 2], readings: vec![f64::NAN; sensors] };
@@ -183,7 +214,11 @@ fn row(
             _ if is_empty => {}
             Role::Time => {
                 let cell = fields.get(column).map(String::as_str).unwrap_or_default();
-                row.t_s = dates::seconds(cell).map_or_else(|| line.number(fields, column, STAMP), Ok)?;
+                row.t_s = match dates::seconds(cell) {
+                    Some(seconds) => seconds,
+                    None if cell.contains('/') => return Err(line.error(cell, column, AMBIGUOUS_DATE)),
+                    None => line.number(fields, column, STAMP)?,
+                };
             }
             Role::Ticks(wheel) => {
                 let cell = fields.get(column).map(String::as_str).unwrap_or_default();
@@ -226,6 +261,8 @@ fn reading(line: SourceLine<'_>, fields: &[String], column: usize) -> Result<f64
 /// Longer words are no marks.
 const MAX_WORD: usize = 20;
 const STAMP: &str = "seconds, or a date and time such as 2026-05-01T12:00:00.5Z";
+const AMBIGUOUS_DATE: &str = "a date that begins with its year: of 07/04/2024 nobody knows whether it is in April or July; export the column as \
+                              2024-07-04 13:00:00, with 24 hours";
 const TICKS: &str = "a number of encoder ticks, or nothing";
 const READING: &str = "metres, at least 0, `inf` for no echo, or nothing or `nan` for no measurement";
 

@@ -70,6 +70,14 @@ fn read_within(input: impl Read, file: &str, max_bytes: u64, max_lines: usize) -
         return Err(ImportError::Foreign { file: file.into(), what });
     }
     read.text = decode(bytes, file)?;
+    let zeros = read.text.bytes().filter(|byte| *byte == 0).count();
+    if zeros > 0 {
+        let line = 1 + read.text.bytes().take_while(|byte| *byte != 0).filter(|byte| *byte == b'\n').count();
+        read.text.retain(|character| character != '\0');
+        read.remarks.push(format!(
+            "{zeros} zero bytes are left out, the first in line {line}: the card or the line has lost data there"
+        ));
+    }
     let lines = |end: u8| read.text.bytes().filter(|byte| *byte == end).count();
     if lines(b'\n').max(lines(b'\r')) > max_lines {
         return Err(too_long(format!("{max_lines} lines")));
@@ -94,6 +102,14 @@ fn decode(bytes: Vec<u8>, file: &str) -> Result<String, ImportError> {
     Ok(if text.starts_with(BYTE_ORDER_MARK) { text.trim_start_matches(BYTE_ORDER_MARK).into() } else { text })
 }
 
+/// True for a text whose first lines are those of a CARMEN log.
+pub(super) fn is_carmen(text: &str) -> bool {
+    let first = text.lines().filter(|line| !line.trim().is_empty() && !line.starts_with('#')).take(20);
+    first.filter_map(|line| line.split_whitespace().next()).any(|word| CARMEN.contains(&word))
+}
+
+/// How the lines of a CARMEN log begin.
+const CARMEN: [&str; 7] = ["ODOM", "SONAR", "ROBOTLASER1", "FLASER", "PARAM", "TRUEPOS", "SYNC"];
 const BYTE_ORDER_MARK: char = '\u{feff}';
 
 #[cfg(test)]

@@ -26,6 +26,8 @@ pub struct Met {
     pub restarts_told: u64,
     /// Sweeps whose drive was nowhere disturbed, and their greatest position error, millimetres.
     pub worst_clean_mm: u64,
+    /// Undisturbed drives with a pose that was half a metre off or more.
+    pub clean_and_off: u64,
     pub worst_mm: u64,
 }
 
@@ -56,6 +58,7 @@ impl Met {
         for (sum, more) in sums {
             *sum += more;
         }
+        self.clean_and_off += other.clean_and_off;
         self.worst_clean_mm = self.worst_clean_mm.max(other.worst_clean_mm);
         self.worst_mm = self.worst_mm.max(other.worst_mm);
     }
@@ -86,6 +89,7 @@ impl fmt::Display for Met {
             ("sweeps", self.sweeps.to_string()),
             ("wakes of the loop", self.wakes.to_string()),
             ("greatest position error, undisturbed, m", format!("{:.3}", self.worst_clean_mm as f64 * 1e-3)),
+            ("undisturbed runs that were ever farther off than 0.5 m", self.clean_and_off.to_string()),
             ("greatest position error, all but killed and restarted, m", format!("{:.3}", self.worst_mm as f64 * 1e-3)),
         ];
         writeln!(f, "| met | |\n|---|---|")?;

