@@ -209,7 +209,7 @@ impl Costmap {
             return self.params.trail_factor;
         }
         let near = (self.params.comfort_m - self.clearance(cell)) / (self.params.comfort_m - least_m);
-        1 + whole(self.params.nearness_cost * near.clamp(0.0, 1.0) + 0.5).unsigned_abs().min(100) as u32
+        1 + u32::try_from(whole(self.params.nearness_cost * near.clamp(0.0, 1.0) + 0.5)).unwrap_or(0)
     }
 
     /// Every cell on the straight line satisfies `is_good`.

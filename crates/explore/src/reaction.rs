@@ -96,7 +96,8 @@ impl Reaction {
         }
         self.heard = None;
         if self.turns.is_none() {
-            self.turn_until = self.turn_until.filter(|until| at < *until).or(Some(at + seconds(params.wander_turn_s)));
+            self.turn_until =
+                self.turn_until.filter(|until| at < *until).or_else(|| Some(at + seconds(params.wander_turn_s)));
         }
         let room = |sign: f64| {
             let side = echoes.iter().filter(|echo| sign * echo.y > 0.0);

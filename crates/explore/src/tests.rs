@@ -51,7 +51,7 @@ impl Room {
     fn look(&mut self) -> Vec<Point> {
         let (here, mut echoes) = (self.pose.position(), Vec::new());
         for ray in 0..180 {
-            let (sin, cos) = (self.pose.theta_rad + TAU * f64::from(ray) / 180.0).sin_cos();
+            let (sin, cos) = libm::sincos(self.pose.theta_rad + TAU * f64::from(ray) / 180.0);
             for step in 0..=80 {
                 let way_m = VIEW_M * f64::from(step) / 80.0;
                 let point = here + nalgebra::Vector2::new(cos, sin) * way_m;
