@@ -20,6 +20,7 @@ const CRATES: &[(&str, &[&str])] = &[
     // The simulator shares geometry and codec with the estimator, never its models: see `FORBIDDEN`.
     ("crates/sim", &["protocol", "core", "capture"]),
     ("crates/eval", &["protocol", "core", "capture", "files", "metrics", "paper", "publish", "sim"]),
+    ("crates/explore", &["core"]),
     ("crates/export", &["core", "files"]),
     ("crates/viewer", &["core", "metrics"]),
     ("crates/testkit", ANYTHING),
@@ -42,6 +43,8 @@ const FORBIDDEN: &[(&str, &[&str], &[&str])] = &[
     // The wire knows no estimator.
     ("crates/core/src", &["align", "board", "conversation", "handshake", "link", "settings"], ESTIMATORS),
     ("crates/paper/src", &["*"], WIRE),
+    // The explorer knows poses, echoes and maps, no estimator: what it commands depends on the estimate alone.
+    ("crates/explore/src", &["*"], &["stages", "pipeline", "Pipeline", "Estimator", "Driver", "slamd_protocol"]),
     // Outside the core the estimators stand behind these names.
     ("crates/sim/src", &["*"], &["stages", "pipeline", "Pipeline", "Estimator", "Driver"]),
 ];
@@ -51,6 +54,7 @@ const WIRE: &[&str] = &["slamd_protocol", "align", "board", "conversation", "dri
 /// What holds state machines only: no file, socket, thread or clock.
 const SANS_IO: &[&str] = &[
     "crates/core/src",
+    "crates/explore/src",
     "crates/metrics/src",
     "crates/paper/src",
     "src/calibrate",

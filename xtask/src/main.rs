@@ -5,6 +5,7 @@
 
 mod coverage;
 mod dead_man;
+mod explore;
 mod fuzz;
 mod kill;
 mod localize;
@@ -45,6 +46,7 @@ enum Task {
     SensorFaults(sensor_faults::Options),
     Localize(localize::Options),
     NeverSilent(never_silent::Options),
+    Explore(explore::Options),
     Reliability(reliability::Options),
     Recordings(recordings::Options),
 }
@@ -86,6 +88,7 @@ fn main() {
         Task::Simulation(options) => simulation::run(&options),
         Task::SensorFaults(options) => sensor_faults::run(&options),
         Task::Localize(options) => localize::run(&options),
+        Task::Explore(options) => explore::run(&options),
         Task::NeverSilent(options) => never_silent::run(&options),
         Task::Reliability(options) => reliability::run(&options, as_built),
         Task::Recordings(options) => recordings::run(&options),

@@ -17,6 +17,12 @@ impl Simulation {
         self.robot.pose(0.0)
     }
 
+    /// Metres from the robot's middle to the nearest surface, door leaf or person.
+    #[must_use]
+    pub fn clearance_m(&self) -> f64 {
+        self.world.clearance(self.pose().position())
+    }
+
     /// The wheels' speeds, left and right, metres per second.
     #[must_use]
     pub fn wheel_speeds_m_s(&self) -> [f64; 2] {
