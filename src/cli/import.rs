@@ -7,7 +7,7 @@ use slamd_capture::CaptureError;
 use slamd_eval::import::{
     Columns, Counting, Drive, ImportError, Options, RangeUnit, Scan, Summary, TimeUnit, bag, carmen, ring,
 };
-use slamd_files::{OutputGuard, regular};
+use slamd_files::{OutputGuard, Refusal, regular};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
@@ -214,8 +214,7 @@ fn keep(path: &Path) -> Result<PathBuf, Failure> {
             Err(_) => break,
         }
     }
-    let text = format!("{} exists and is kept; name another file, or --force replaces it", path.display());
-    Err(Failure::new(Kind::CantCreate, text))
+    Err(Refusal::Exists(path.into()).into())
 }
 
 impl From<ImportError> for Failure {

@@ -2,9 +2,8 @@
 
 use super::order::Refusal;
 use crate::source::session::Session;
-use slamd_core::EncoderState;
-use slamd_core::ModelState;
 use slamd_core::link::{Link, LinkState};
+use slamd_core::{EncoderState, ModelState, Pipeline, SessionState};
 use slamd_protocol::MotionState;
 
 /// What decides whether the robot may be driven now. The default permits nothing.
@@ -28,10 +27,16 @@ impl Conditions {
     /// Those of a live session.
     #[must_use]
     pub fn of(link: &Link, session: &Session) -> Self {
-        let (pipeline, state) = (session.pipeline(), session.state());
+        let is_streaming = link.state() == LinkState::Streaming;
+        Self::of_robot(session.pipeline(), session.state(), is_streaming)
+    }
+
+    /// Those of a robot whose sweeps arrive, or do not.
+    #[must_use]
+    pub fn of_robot(pipeline: &Pipeline, state: &SessionState, is_streaming: bool) -> Self {
         let hello = pipeline.board().hello();
         Self {
-            is_streaming: link.state() == LinkState::Streaming && hello.is_some(),
+            is_streaming: is_streaming && hello.is_some(),
             has_motors: hello.is_some_and(slamd_protocol::Hello::drives),
             is_lost: state.is_lost() || state.estimate().is_none(),
             is_doubted: state.models().iter().any(|event| event.state == ModelState::Doubted),

@@ -145,17 +145,16 @@ impl Setup {
         }
         // A drill in which no reading lies beyond half a metre tells no unit.
         let is_open = self.examination.pipeline().is_range_unit_open();
-        let rests =
-            !is_open && self.is_drilled && self.own(at).seconds() > AFTER_DRILL_S && drill.still_s() > AFTER_DRILL_S
-                || !is_open && self.is_drilled && path_m < 0.01 && self.own(at).seconds() > AFTER_DRILL_S;
+        let is_over = !is_open && self.is_drilled && self.own(at).seconds() > AFTER_DRILL_S;
+        let rests = is_over && (drill.still_s() > AFTER_DRILL_S || path_m < 0.01);
         if agrees || rests {
             self.finish(agrees, at);
         }
     }
 
     /// Travel and turning were corrected one after the other: the size of the robot, the unit of the ranges, or ticks per turn? A measured
-    /// size is right, and so is one of which the ranges are just the half: then they are
-    /// one-way times. True if the unit of the ranges was changed.
+    /// size is right, and so is one of which the ranges are just the half: then they are one-way times. True if the unit of the ranges was
+    /// changed.
     fn settle_size(&mut self) -> bool {
         let RobotConfig { wheel_radius_m: radius_m, wheel_base_m: base_m, .. } = self.measured.robot();
         let factor = self.config.robot.wheel_radius_m / radius_m;

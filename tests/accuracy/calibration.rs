@@ -6,8 +6,6 @@ use nalgebra::{Matrix3, Vector3};
 use slamd::calibrate::drive::{Drive, Mapper};
 use slamd::calibrate::{CalibrateError, Report, calibrate};
 use slamd_core::Config;
-use slamd_sim::fault::FaultMix;
-use slamd_sim::link::LinkFaults;
 use slamd_sim::misfit::Misfit;
 use slamd_sim::simulation::{SimConfig, Simulation, session};
 use slamd_sim::sonar::BeamShape;
@@ -19,19 +17,8 @@ const TURN_RAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
 
 fn calibrated(seed: u64, beam: BeamShape, duration_s: f64) -> (Report, Vec<Misfit>) {
     let simulation = || {
-        Simulation::new(SimConfig {
-            world: World::named("flat").unwrap(),
-            seed,
-            duration_s,
-            mix: FaultMix::None,
-            faults: Vec::new(),
-            beam,
-            sensors: 16,
-            odometry_errors: 1.0,
-            clock_drift_ppm: 300.0,
-            link: LinkFaults::default(),
-        })
-        .with_misfits(BIAS_M, TURN_RAD)
+        Simulation::new(SimConfig { beam, ..SimConfig::usual(World::named("flat").unwrap(), seed, duration_s, 16) })
+            .with_misfits(BIAS_M, TURN_RAD)
     };
     let records: Vec<_> = session(simulation()).collect();
     let report = calibrate(&Config::default(), |config, _| -> Result<Drive, CalibrateError> {

@@ -10,6 +10,13 @@ use std::process::{Command, Stdio};
 const ROBOT: &str = "[robot]\nwheel_radius_m = 0.035\nwheel_base_m = 0.26\nticks_per_turn = 1440\n\n[ring.circle]\ncount = 4\nradius_m = 0.15\nhalf_angle_deg = 12.5\n";
 const HEADER: &str = "t_s,left_ticks,right_ticks,r0,r1,r2,r3\n";
 
+/// A folder with the robot's configuration.
+fn folder_of_robot() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("robot.toml"), ROBOT).unwrap();
+    folder
+}
+
 /// A straight drive at 0.23 m/s; the ticks are as `ticks` writes them.
 fn drive(range_m: f64, ticks: impl Fn(i64) -> String) -> String {
     (0..200u32).fold(String::new(), |mut rows, k| {
@@ -37,7 +44,7 @@ fn import(folder: &Path, arguments: &[&str], input: &[u8]) -> (i32, String) {
 
 #[test]
 fn what_cannot_be_decided_is_refused_with_its_reason() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder_of_robot();
     let folder = folder.path();
     let plain = |count: i64| count.to_string();
     let grouped = |count: i64| match count {
@@ -55,7 +62,6 @@ fn what_cannot_be_decided_is_refused_with_its_reason() {
     ] {
         std::fs::write(folder.join(name), HEADER.to_owned() + &rows).unwrap();
     }
-    std::fs::write(folder.join("robot.toml"), ROBOT).unwrap();
     std::fs::write(folder.join("empty.mcap"), "").unwrap();
     let refusals: [(&[&str], i32, &str); 10] = [
         (
@@ -103,6 +109,12 @@ fn table(sensors: u32, time: impl Fn(u32) -> String, cell: impl Fn(f64) -> Strin
     })
 }
 
+/// A line of a CARMEN log of the same drive.
+fn sonar(row: u32, ranges: &str) -> String {
+    let t_s = 0.1 * f64::from(row);
+    format!("SONAR 4 {ranges} 0 0 0 {x:.2} 0 0 {t_s} h {t_s}\n", x = 0.02 * f64::from(row))
+}
+
 fn tenths(k: u32) -> String {
     format!("{:.1}", 0.1 * f64::from(k))
 }
@@ -113,16 +125,10 @@ fn metres(range_m: f64) -> String {
 
 #[test]
 fn each_mistake_is_named_with_what_to_do() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder_of_robot();
     let folder = folder.path();
-    std::fs::write(folder.join("robot.toml"), ROBOT).unwrap();
     let plain = table(4, tenths, metres);
-    let log: String = (0..50)
-        .map(|k| {
-            let t_s = 0.1 * f64::from(k);
-            format!("SONAR 4 1.2 1.2 1.2 1.2 0 0 0 {x:.2} 0 0 {t_s} h {t_s}\n", x = 0.02 * f64::from(k))
-        })
-        .collect();
+    let log: String = (0..50).map(|row| sonar(row, "1.2 1.2 1.2 1.2")).collect();
     let dates = table(4, |k| format!("07/04/2024 12:00:{:04.1}", 0.1 * f64::from(k)), metres);
     let commas = table(4, |k| tenths(k).replace('.', ","), |range_m| metres(range_m).replace('.', ","));
     for (name, text) in [
@@ -157,9 +163,8 @@ fn each_mistake_is_named_with_what_to_do() {
 
 #[test]
 fn damaged_lines_cost_no_more_than_themselves() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder_of_robot();
     let folder = folder.path();
-    std::fs::write(folder.join("robot.toml"), ROBOT).unwrap();
     let plain = table(4, tenths, metres);
     let damaged = |line: usize, text: &str| -> String {
         plain.lines().enumerate().map(|(at, row)| format!("{}\n", if at + 1 == line { text } else { row })).collect()
@@ -187,12 +192,8 @@ fn damaged_lines_cost_no_more_than_themselves() {
     std::fs::write(folder.join("drive.csv"), third).unwrap();
     let (code, said) = import(folder, &["ring", "drive.csv"], b"");
     assert!(code == 65 && said.contains("40 of 120 rows cannot be read, more than 10 %"), "{code} {said}");
-    let log = |row: u32, bad: &str| {
-        let t_s = 0.1 * f64::from(row);
-        let ranges = if row == 20 { bad } else { "1.2 1.2 1.2 1.2" };
-        format!("SONAR 4 {ranges} 0 0 0 {x:.2} 0 0 {t_s} h {t_s}\n", x = 0.02 * f64::from(row))
-    };
-    let text: String = (0..50).map(|row| log(row, "1.2 1.2 x 1.2")).collect();
+    let ranges = |row: u32| if row == 20 { "1.2 1.2 x 1.2" } else { "1.2 1.2 1.2 1.2" };
+    let text: String = (0..50).map(|row| sonar(row, ranges(row))).collect();
     std::fs::write(folder.join("drive.log"), text).unwrap();
     let (code, said) = import(folder, &["carmen", "drive.log"], b"");
     assert!(code == 0 && said.contains("1 broken row is left out (line 21)"), "{code} {said}");
@@ -200,9 +201,8 @@ fn damaged_lines_cost_no_more_than_themselves() {
 
 #[test]
 fn units_that_change_are_named() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder_of_robot();
     let folder = folder.path();
-    std::fs::write(folder.join("robot.toml"), ROBOT).unwrap();
     let plain = table(4, tenths, metres);
     let scaled = |row: &str, from: usize| -> String {
         let cells = row.split(',').enumerate().map(|(column, cell)| match cell.parse::<f64>() {
@@ -228,9 +228,8 @@ fn units_that_change_are_named() {
 
 #[test]
 fn an_imported_recording_gets_no_advice_about_its_boards_clock() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder_of_robot();
     let folder = folder.path();
-    std::fs::write(folder.join("robot.toml"), ROBOT).unwrap();
     std::fs::write(folder.join("drive.csv"), table(4, tenths, metres)).unwrap();
     assert_eq!(import(folder, &["ring", "drive.csv"], b"").0, 0);
     let mut command = Command::new(env!("CARGO_BIN_EXE_slamd"));

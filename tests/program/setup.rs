@@ -6,10 +6,7 @@ use slamd::setup::{Measured, Progress, Setup};
 use slamd_capture::Record;
 use slamd_core::{Config, Driver, Event, Input, Pipeline, Pose2, Start, Timestamp, Update};
 use slamd_protocol::{FrameDecoder, FrameEncoder, Message, Setting};
-use slamd_sim::fault::FaultMix;
-use slamd_sim::link::LinkFaults;
 use slamd_sim::simulation::{SimConfig, Simulation};
-use slamd_sim::sonar::BeamShape;
 use slamd_sim::world::World;
 use slamd_testkit::odd_board::{OddBoard, Oddity};
 use std::path::Path;
@@ -24,19 +21,7 @@ pub(crate) fn robot(sensors: u8, faults: &[&str]) -> Simulation {
 
 fn seeded(seed: u64, sensors: u8, faults: &[&str]) -> Simulation {
     let faults: Vec<_> = faults.iter().map(|fault| fault.parse().unwrap()).collect();
-    Simulation::new(SimConfig {
-        world: World::named("flat").unwrap(),
-        seed,
-        duration_s: 600.0,
-        mix: FaultMix::None,
-        faults: Vec::new(),
-        beam: BeamShape::Cone,
-        sensors,
-        odometry_errors: 1.0,
-        clock_drift_ppm: 300.0,
-        link: LinkFaults::default(),
-    })
-    .with_robot_faults(&faults)
+    Simulation::new(SimConfig::usual(World::named("flat").unwrap(), seed, 600.0, sensors)).with_robot_faults(&faults)
 }
 
 /// Sets a robot up that drives by itself. The file's text, and how long it took, seconds of the robot's time.

@@ -134,7 +134,7 @@ impl Costmap {
         is_occupied(cell) && !self.sides(cell).all(is_occupied)
     }
 
-    /// Columns, rows and cells in all.
+    /// The number of cells.
     pub(crate) fn len(&self) -> usize {
         self.kinds.len()
     }

@@ -88,6 +88,22 @@ fn a_run_leaves_whole_files_and_a_summary() {
     assert!((summary.p99_us_per_sweep.unwrap() - 49.0).abs() < 0.1);
 }
 
+/// Ends a run of so many seconds in the flat.
+fn finish(outputs: Outputs, seconds: u64) -> Summary {
+    let state = FinalState {
+        config: &Config::default(),
+        raster: &flat(),
+        ring: &Ring::circle(8, 0.15, 0.218, 4),
+        states: &[],
+        counters: Counters { frames: 2403, groups: 2400, sweeps: 600, ..Counters::default() },
+        calibration: None,
+        walls: 4,
+        waiting: None,
+        ended: Timestamp::from_us(1_000_000 * seconds),
+    };
+    outputs.finish(&state).unwrap()
+}
+
 #[test]
 fn the_plan_has_rooms_measures_and_what_is_doubtful() {
     let folder = tempfile::tempdir().unwrap();
@@ -107,18 +123,7 @@ fn the_plan_has_rooms_measures_and_what_is_doubtful() {
         remedies: vec![("ring.mirrored", "true".into())],
     };
     outputs.event(&Event::Model(ModelEvent { at, since: at, finding, state: ModelState::Doubted }));
-    let state = FinalState {
-        config: &Config::default(),
-        raster: &flat(),
-        ring: &Ring::circle(8, 0.15, 0.218, 4),
-        states: &[],
-        counters: Counters { frames: 2403, groups: 2400, sweeps: 600, ..Counters::default() },
-        calibration: None,
-        walls: 4,
-        waiting: None,
-        ended: Timestamp::from_us(40_000_000),
-    };
-    let summary = outputs.finish(&state).unwrap();
+    let summary = finish(outputs, 40);
     // 7.4 m x 4.8 m without the wall in the middle, whose passage of 1.4 m is no door, a pillar, and what is behind it.
     assert!(matches!(summary.rooms_m2[..], [m2] if (30.0..35.5).contains(&m2)), "{:?}", summary.rooms_m2);
     // 2 cm each by the filter and beside it, and 2 % of 2.45 m, twice.
@@ -181,18 +186,7 @@ fn a_position_that_was_known_badly_is_doubtful() {
             let at = Timestamp::from_us(u64::from(step) * 1_000_000);
             outputs.event(&Event::Estimate(Estimate { at, sweep: 1, pose, covariance, odometry: pose, nis: 1.0 }));
         }
-        let state = FinalState {
-            config: &Config::default(),
-            raster: &flat(),
-            ring: &Ring::circle(8, 0.15, 0.218, 4),
-            states: &[],
-            counters: Counters { frames: 2403, groups: 2400, sweeps: 600, ..Counters::default() },
-            calibration: None,
-            walls: 4,
-            waiting: None,
-            ended: Timestamp::from_us(20_000_000),
-        };
-        outputs.finish(&state).unwrap().doubtful.join("; ")
+        finish(outputs, 20).doubtful.join("; ")
     };
     assert_eq!(doubts(4e-4), "");
     let said = doubts(0.1156);

@@ -202,11 +202,10 @@ impl Home {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fault::FaultMix;
-    use crate::link::LinkFaults;
+
     use crate::robot::BODY_RADIUS_M;
     use crate::simulation::{SimConfig, Simulation, session};
-    use crate::sonar::BeamShape;
+
     use crate::world::World;
     use slamd_capture::Record;
     use slamd_core::Pose2;
@@ -258,18 +257,7 @@ mod tests {
     fn the_robot_drives_through_random_homes_and_touches_nothing() {
         for seed in 1..=4 {
             let world = World::random(seed);
-            let simulation = Simulation::new(SimConfig {
-                world: world.clone(),
-                seed,
-                duration_s: 120.0,
-                mix: FaultMix::None,
-                faults: Vec::new(),
-                beam: BeamShape::Cone,
-                sensors: 1,
-                odometry_errors: 1.0,
-                clock_drift_ppm: 300.0,
-                link: LinkFaults::default(),
-            });
+            let simulation = Simulation::new(SimConfig::usual(world.clone(), seed, 120.0, 1));
             let truths: Vec<Pose2> = session(simulation)
                 .filter_map(|record| if let Record::Truth { pose, .. } = record { Some(pose) } else { None })
                 .collect();

@@ -1,13 +1,16 @@
 //! The simulated session: world, robot, beams, faults, board and line, stepped together.
 
+mod config;
 mod driven;
+
+pub use config::SimConfig;
 
 use super::board::{Board, SLOT_US};
 use super::encoder::{EncoderFault, Encoders};
 use super::explore::Explorer;
-use super::fault::{FaultMix, Faults, Reading, SensorFault};
+use super::fault::{Faults, Reading, SensorFault};
 use super::home::{Grip, Life, Noise, echo};
-use super::link::{Link, LinkFaults};
+use super::link::Link;
 use super::misfit::Misfit;
 use super::random::{Random, Stream};
 use super::robot::{Robot, STEP_S, STEP_US, Twist};
@@ -20,31 +23,6 @@ use slamd_protocol::{FrameEncoder, Message, VERSION_MAJOR, VERSION_MINOR};
 use std::collections::VecDeque;
 use std::f64::consts::PI;
 use std::time::Duration;
-
-/// What to simulate.
-#[derive(Clone, Debug)]
-pub struct SimConfig {
-    /// The world.
-    pub world: World,
-    /// Seed of every random number.
-    pub seed: u64,
-    /// Length of the session, seconds.
-    pub duration_s: f64,
-    /// A named mix of sensor faults.
-    pub mix: FaultMix,
-    /// Further sensor faults.
-    pub faults: Vec<SensorFault>,
-    /// The beams' shape.
-    pub beam: BeamShape,
-    /// Sensors of the ring.
-    pub sensors: u8,
-    /// Scale of the odometry's errors: 0 is perfect, 1 usual.
-    pub odometry_errors: f64,
-    /// Error of the board's clock, parts per million.
-    pub clock_drift_ppm: f64,
-    /// Transmission errors of the serial line.
-    pub link: LinkFaults,
-}
 
 /// Radius of the sensors' circle, metres.
 const RING_RADIUS_M: f64 = 0.15;

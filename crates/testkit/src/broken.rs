@@ -7,10 +7,8 @@ use slamd_core::{
 use slamd_metrics::{Pair, Pairing, building_frame};
 use slamd_protocol::{FrameDecoder, FrameEncoder, Message};
 use slamd_sim::encoder::EncoderFault;
-use slamd_sim::fault::{FaultMix, SensorFault};
-use slamd_sim::link::LinkFaults;
+use slamd_sim::fault::SensorFault;
 use slamd_sim::simulation::{SimConfig, Simulation, session};
-use slamd_sim::sonar::BeamShape;
 use slamd_sim::world::World;
 
 /// What is driven, and what breaks.
@@ -113,16 +111,14 @@ impl Drive {
 
     fn simulation(&self) -> Simulation {
         Simulation::new(SimConfig {
-            world: World::named(self.world).expect("a built-in world"),
-            seed: self.seed,
-            duration_s: self.seconds,
-            mix: FaultMix::None,
             faults: self.sensor_faults.clone(),
-            beam: BeamShape::Cone,
-            sensors: self.sensors,
             odometry_errors: self.odometry_errors,
-            clock_drift_ppm: 300.0,
-            link: LinkFaults::default(),
+            ..SimConfig::usual(
+                World::named(self.world).expect("a built-in world"),
+                self.seed,
+                self.seconds,
+                self.sensors,
+            )
         })
         .with_encoder_faults(self.encoder_faults.clone())
     }

@@ -15,10 +15,7 @@ use slamd_core::{Config, Method, Pipeline, SavedState};
 use slamd_eval::import::{Options, carmen, ring};
 use slamd_files::OutputGuard;
 use slamd_protocol::FrameDecoder;
-use slamd_sim::fault::FaultMix;
-use slamd_sim::link::LinkFaults;
 use slamd_sim::simulation::{SimConfig, Simulation, session};
-use slamd_sim::sonar::BeamShape;
 use slamd_sim::world::World;
 use std::path::Path;
 
@@ -60,18 +57,8 @@ const FILE_RECORDS: usize = 60;
 
 impl Corpus {
     pub fn build() -> Self {
-        let simulation = Simulation::new(SimConfig {
-            world: World::named("flat").expect("built in"),
-            seed: 7,
-            duration_s: DRIVE_S,
-            mix: FaultMix::None,
-            faults: Vec::new(),
-            beam: BeamShape::Cone,
-            sensors: SENSORS,
-            odometry_errors: 1.0,
-            clock_drift_ppm: 300.0,
-            link: LinkFaults::default(),
-        });
+        let simulation =
+            Simulation::new(SimConfig::usual(World::named("flat").expect("built in"), 7, DRIVE_S, SENSORS));
         let drive: Vec<Record> = session(simulation).collect();
         let mut decoder = FrameDecoder::new();
         let mut frames = Vec::new();

@@ -9,9 +9,7 @@ use slamd_core::{
 };
 use slamd_metrics::AccuracyMeter;
 use slamd_sim::fault::FaultMix;
-use slamd_sim::link::LinkFaults;
 use slamd_sim::simulation::{SimConfig, Simulation, session};
-use slamd_sim::sonar::BeamShape;
 use slamd_sim::world::World;
 
 /// A room that looks the same from both ends.
@@ -28,18 +26,7 @@ pub fn world(name: &str) -> World {
 
 /// A drive's records.
 pub fn drive(world: World, seed: u64, duration_s: f64, mix: FaultMix) -> impl Iterator<Item = Record> {
-    session(Simulation::new(SimConfig {
-        world,
-        seed,
-        duration_s,
-        mix,
-        faults: Vec::new(),
-        beam: BeamShape::Cone,
-        sensors: 32,
-        odometry_errors: 1.0,
-        clock_drift_ppm: 300.0,
-        link: LinkFaults::default(),
-    }))
+    session(Simulation::new(SimConfig { mix, ..SimConfig::usual(world, seed, duration_s, 32) }))
 }
 
 /// Hands a record to a pipeline and its events to `each`; the truth, where the record is one.

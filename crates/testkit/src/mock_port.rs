@@ -11,11 +11,9 @@ use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 use slamd_capture::Record;
 use slamd_core::Timestamp;
 use slamd_protocol::{FrameEncoder, Hello, Message, Text};
-use slamd_sim::fault::FaultMix;
 use slamd_sim::link::LinkFaults;
 use slamd_sim::random::{Random, Stream};
 use slamd_sim::simulation::{SimConfig, Simulation};
-use slamd_sim::sonar::BeamShape;
 use slamd_sim::world::World;
 use std::fs::File;
 use std::io::{Read as _, Write as _};
@@ -69,18 +67,7 @@ pub fn simulation(seed: u64, link: LinkFaults, duration_s: f64) -> Simulation {
 
 /// What makes it.
 pub fn drive(seed: u64, link: LinkFaults, duration_s: f64) -> SimConfig {
-    SimConfig {
-        world: World::named("flat").expect("a built-in world"),
-        seed,
-        duration_s,
-        mix: FaultMix::None,
-        faults: Vec::new(),
-        beam: BeamShape::Cone,
-        sensors: 32,
-        odometry_errors: 1.0,
-        clock_drift_ppm: 300.0,
-        link,
-    }
+    SimConfig { link, ..SimConfig::usual(World::named("flat").expect("a built-in world"), seed, duration_s, 32) }
 }
 
 /// A board and how long it has been running, in or out of the host.

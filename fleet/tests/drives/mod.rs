@@ -6,10 +6,7 @@ use slamd_capture::{CaptureInfo, CaptureWriter, Record};
 use slamd_core::{Config, Point, Pose2};
 use slamd_fleet::player::Player;
 use slamd_fleet::wire::Grid;
-use slamd_sim::fault::FaultMix;
-use slamd_sim::link::LinkFaults;
 use slamd_sim::simulation::{SimConfig, Simulation, session};
-use slamd_sim::sonar::BeamShape;
 use slamd_sim::world::World;
 use std::fs::File;
 use std::io::BufReader;
@@ -34,18 +31,7 @@ impl Drive {
             world.start = Point::new(x, y);
             assert!(world.clearance(world.start) > 0.25, "{self:?} begins in a wall");
         }
-        let simulation = Simulation::new(SimConfig {
-            world,
-            seed: self.seed,
-            duration_s: self.seconds,
-            mix: FaultMix::None,
-            faults: Vec::new(),
-            beam: BeamShape::Cone,
-            sensors: 32,
-            odometry_errors: 1.0,
-            clock_drift_ppm: 300.0,
-            link: LinkFaults::default(),
-        });
+        let simulation = Simulation::new(SimConfig::usual(world, self.seed, self.seconds, 32));
         let info = CaptureInfo {
             slamd_version: "test".into(),
             config_toml: Config::default().to_toml(),

@@ -4,17 +4,13 @@ use super::judge::{Contacts, Floor};
 use slamd::drive::{Conditions, Driver as Client, Helm, Order, Twist, Wish};
 use slamd_core::config::SettingValue;
 use slamd_core::{
-    Config, Driver, EncoderState, Event, ModelState, Pipeline, Point, Raster, Record, SensorState, SessionState, Start,
-    Timestamp, Update,
+    Config, Driver, Event, Pipeline, Point, Raster, Record, SensorState, SessionState, Start, Timestamp, Update,
 };
 use slamd_explore::{Explorer, Observation, Params, Report, Status};
 use slamd_metrics::AccuracyMeter;
 use slamd_protocol::Drive;
-use slamd_sim::fault::FaultMix;
-use slamd_sim::link::LinkFaults;
 use slamd_sim::robot::STEP_US;
 use slamd_sim::simulation::{SimConfig, Simulation, session};
-use slamd_sim::sonar::BeamShape;
 use slamd_sim::world::World;
 use std::collections::VecDeque;
 
@@ -63,18 +59,7 @@ const LOOK_S: f64 = 20.0;
 const MOST: f64 = 0.95;
 
 fn simulation(case: Case, duration_s: f64) -> Simulation {
-    Simulation::new(SimConfig {
-        world: World::random(case.seed),
-        seed: case.seed,
-        duration_s,
-        mix: FaultMix::None,
-        faults: Vec::new(),
-        beam: BeamShape::Cone,
-        sensors: case.sensors,
-        odometry_errors: 1.0,
-        clock_drift_ppm: 300.0,
-        link: LinkFaults::default(),
-    })
+    Simulation::new(SimConfig::usual(World::random(case.seed), case.seed, duration_s, case.sensors))
 }
 
 /// The default configuration, but for the board's stop distance: with 250 mm the robot cannot turn into a door.
@@ -147,15 +132,7 @@ impl Host {
 
     fn conditions(&self) -> Conditions {
         let pipeline = self.driver.pipeline();
-        let hello = pipeline.board().hello();
-        Conditions {
-            is_streaming: pipeline.sweep().is_some_and(|sweep| sweep.index > 0),
-            has_motors: hello.is_some_and(slamd_protocol::Hello::drives),
-            is_lost: self.state.is_lost() || self.state.estimate().is_none(),
-            is_doubted: self.state.models().iter().any(|event| event.state == ModelState::Doubted),
-            has_wheels: self.state.encoders() == [EncoderState::Healthy; 2],
-            motors: pipeline.motion().map(|motion| motion.state),
-        }
+        Conditions::of_robot(pipeline, &self.state, pipeline.sweep().is_some_and(|sweep| sweep.index > 0))
     }
 
     /// Asks the explorer once per sweep, and the helm for the frame that is due.

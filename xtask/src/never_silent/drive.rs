@@ -5,10 +5,7 @@ use slamd_core::{
     Config, Driver, Estimate, Event, LocalizationEvent, ModelEvent, Pose2, Record, Start, Timestamp, Update,
 };
 use slamd_metrics::{Pair, Pairing};
-use slamd_sim::fault::FaultMix;
-use slamd_sim::link::LinkFaults;
 use slamd_sim::simulation::{SimConfig, Simulation, session};
-use slamd_sim::sonar::BeamShape;
 use slamd_sim::world::World;
 
 /// What is driven.
@@ -52,19 +49,8 @@ pub(crate) struct Trace {
 
 /// Simulates and estimates.
 pub(super) fn drive(case: &Case) -> Trace {
-    let simulation = Simulation::new(SimConfig {
-        world: World::random(case.seed),
-        seed: case.seed,
-        duration_s: case.seconds,
-        mix: FaultMix::None,
-        faults: Vec::new(),
-        beam: BeamShape::Cone,
-        sensors: case.sensors,
-        odometry_errors: 1.0,
-        clock_drift_ppm: 300.0,
-        link: LinkFaults::default(),
-    })
-    .with_robot_faults(&case.kind.faults(case.seed));
+    let simulation = Simulation::new(SimConfig::usual(World::random(case.seed), case.seed, case.seconds, case.sensors))
+        .with_robot_faults(&case.kind.faults(case.seed));
     let pipeline = slamd_paper::pipeline(&Config::default(), Start::Fresh).expect("a fresh start has no saved state");
     let mut driver = Driver::new(pipeline);
     let (mut trace, mut pairing) = (Trace::default(), Pairing::default());

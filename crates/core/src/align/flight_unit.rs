@@ -68,8 +68,7 @@ impl FlightUnit {
                 self.unit = Unit::Unknown { flights: flights + 1, least };
             }
         }
-        let per_number = if self.unit == Unit::Centimetres { US_PER_CM } else { 1.0 };
-        let has_changed = self.decade.take(sonar, self.scale * per_number);
+        let has_changed = self.decade.take(sonar, self.scale * self.us_per_number());
         has_changed
             .then(|| Trouble::RangesOff { factor: self.decade.factor(), scale: self.scale * self.decade.factor() })
     }
@@ -81,8 +80,12 @@ impl FlightUnit {
 
     /// Microseconds of flight per number that the board sends.
     pub(crate) fn factor(&self) -> f64 {
-        let per_number = if self.unit == Unit::Centimetres { US_PER_CM } else { 1.0 };
-        per_number * self.decade.factor()
+        self.us_per_number() * self.decade.factor()
+    }
+
+    /// The same where no range is ten times too short or too long.
+    fn us_per_number(&self) -> f64 {
+        if self.unit == Unit::Centimetres { US_PER_CM } else { 1.0 }
     }
 
     /// A time of flight in microseconds, whatever the board counts; none while the unit is unknown.

@@ -182,13 +182,18 @@ impl CheckedSlam {
         events.extend(findings.map(|finding| Event::Model(ModelEvent { at, since, finding, state })));
     }
 
+    /// What is added to the revisions of a map that takes the place of this one.
+    fn next_revision(&self) -> u64 {
+        self.first_revision + self.slam.map_since(u64::MAX).map_or(0, |(_, newest)| newest) + 2
+    }
+
     /// Processes the drive's sweeps again with another robot. Of the events, only those count that change what is known now.
     ///
     /// The search ends a few per cent beside the true robot, and the walls that were drawn meanwhile keep that error. So what a pass
     /// learns of the robot is where the next one begins.
     fn restart(&mut self, found: RobotModel, at: Timestamp, events: &mut Vec<Event>) {
         let before: Vec<SensorState> = self.slam.states().to_vec();
-        self.first_revision += self.slam.map_since(u64::MAX).map_or(0, |(_, newest)| newest) + 2;
+        self.first_revision = self.next_revision();
         self.is_rough = !found.is_mirrored();
         self.restart_sweeps = self.history.len().unwrap_or(0);
         let (mut again, mut poses) = self.follow_again(found, &found);
@@ -333,7 +338,7 @@ impl Estimator for CheckedSlam {
             let change = LocalizationChange::Trusted;
             events.push(Event::Localization(LocalizationEvent { at, since: at, change }));
         }
-        let first_revision = self.first_revision + self.slam.map_since(u64::MAX).map_or(0, |(_, newest)| newest) + 2;
+        let first_revision = self.next_revision();
         let (slam, history) = (
             WallSlam::with_params(&self.config, &self.ring, &self.params),
             History::new(self.params.robot_model.max_history_sweeps),

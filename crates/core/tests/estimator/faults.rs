@@ -7,10 +7,7 @@ use slamd_core::{
     stages::Detector,
 };
 use slamd_metrics::{Detection, FaultMeter, TrueFault, quantile};
-use slamd_sim::fault::FaultMix;
-use slamd_sim::link::LinkFaults;
 use slamd_sim::simulation::{SimConfig, Simulation, session};
-use slamd_sim::sonar::BeamShape;
 use slamd_sim::world::World;
 
 /// What a run says of its sensors, each event at the time of the input that brought it.
@@ -21,16 +18,8 @@ struct Run {
 
 fn run(sensors: u8, seed: u64, duration_s: f64, faults: &[&str]) -> Run {
     let simulation = Simulation::new(SimConfig {
-        world: World::named("flat").unwrap(),
-        seed,
-        duration_s,
-        mix: FaultMix::None,
         faults: faults.iter().map(|text| text.parse().unwrap()).collect(),
-        beam: BeamShape::Cone,
-        sensors,
-        odometry_errors: 1.0,
-        clock_drift_ppm: 300.0,
-        link: LinkFaults::default(),
+        ..SimConfig::usual(World::named("flat").unwrap(), seed, duration_s, sensors)
     });
     let pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::Start::Fresh).unwrap();
     let mut driver = Driver::new(pipeline);

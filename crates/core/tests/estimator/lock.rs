@@ -7,9 +7,7 @@ use slamd_core::{Config, Driver, Event, LocalizationChange, LocalizationEvent, U
 use slamd_metrics::AccuracyMeter;
 use slamd_protocol::{FrameDecoder, FrameEncoder, Message};
 use slamd_sim::fault::FaultMix;
-use slamd_sim::link::LinkFaults;
 use slamd_sim::simulation::{SimConfig, Simulation, session};
-use slamd_sim::sonar::BeamShape;
 use slamd_sim::world::World;
 
 const SLIP_S: f64 = 100.0;
@@ -79,16 +77,8 @@ fn drive(records: &[Record]) -> (Vec<LocalizationEvent>, f64) {
 
 fn flat(duration_s: f64) -> impl Iterator<Item = Record> {
     session(Simulation::new(SimConfig {
-        world: World::named("flat").unwrap(),
-        seed: 3,
-        duration_s,
         mix: FaultMix::Paper,
-        faults: Vec::new(),
-        beam: BeamShape::Cone,
-        sensors: 32,
-        odometry_errors: 1.0,
-        clock_drift_ppm: 300.0,
-        link: LinkFaults::default(),
+        ..SimConfig::usual(World::named("flat").unwrap(), 3, duration_s, 32)
     }))
 }
 

@@ -4,10 +4,7 @@
 
 use slamd_core::{Config, Driver, Estimate, Event, LocalizationChange, LocalizationEvent, Record, Start, Update};
 use slamd_metrics::{Pair, Pairing, building_frame};
-use slamd_sim::fault::FaultMix;
-use slamd_sim::link::LinkFaults;
 use slamd_sim::simulation::{SimConfig, Simulation, session};
-use slamd_sim::sonar::BeamShape;
 use slamd_sim::world::World;
 
 /// When the hands come, seconds.
@@ -34,18 +31,7 @@ struct Outcome {
 
 /// A drive of 8 sensors through a random home.
 fn drive(seed: u64, seconds: f64, robot_fault: &str) -> Outcome {
-    let config = SimConfig {
-        world: World::random(seed),
-        seed,
-        duration_s: seconds,
-        mix: FaultMix::None,
-        faults: Vec::new(),
-        beam: BeamShape::Cone,
-        sensors: 8,
-        odometry_errors: 1.0,
-        clock_drift_ppm: 300.0,
-        link: LinkFaults::default(),
-    };
+    let config = SimConfig::usual(World::random(seed), seed, seconds, 8);
     let faults: Vec<_> = robot_fault.split_whitespace().map(|text| text.parse().unwrap()).collect();
     let simulation = Simulation::new(config).with_robot_faults(&faults);
     let mut driver = Driver::new(slamd_paper::pipeline(&Config::default(), Start::Fresh).unwrap());

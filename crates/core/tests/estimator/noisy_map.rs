@@ -5,10 +5,8 @@
 use slamd_capture::Record;
 use slamd_core::{Config, Event, Input, Output, Timestamp};
 use slamd_metrics::AccuracyMeter;
-use slamd_sim::fault::FaultMix;
 use slamd_sim::link::LinkFaults;
 use slamd_sim::simulation::{SimConfig, Simulation};
-use slamd_sim::sonar::BeamShape;
 use slamd_sim::world::World;
 
 #[derive(Debug)]
@@ -21,18 +19,8 @@ struct Drive {
 
 /// Two minutes through the flat; the line from the host to the board is good, the line from the board to the host is this one.
 fn drive(link: LinkFaults) -> Drive {
-    let mut simulation = Simulation::new(SimConfig {
-        world: World::named("flat").unwrap(),
-        seed: 11,
-        duration_s: 120.0,
-        mix: FaultMix::None,
-        faults: Vec::new(),
-        beam: BeamShape::Cone,
-        sensors: 32,
-        odometry_errors: 1.0,
-        clock_drift_ppm: 300.0,
-        link,
-    });
+    let mut simulation =
+        Simulation::new(SimConfig { link, ..SimConfig::usual(World::named("flat").unwrap(), 11, 120.0, 32) });
     let mut pipeline = slamd_paper::pipeline(&Config::default(), slamd_core::Start::Fresh).unwrap();
     let mut meter = AccuracyMeter::default();
     for ms in (0..120_000).step_by(5) {

@@ -5,10 +5,7 @@
 use slamd_capture::Record;
 use slamd_core::{Config, Event, Pipeline, Raster, SavedState, Start, built_in, stages::Params};
 use slamd_metrics::AccuracyMeter;
-use slamd_sim::fault::FaultMix;
-use slamd_sim::link::LinkFaults;
 use slamd_sim::simulation::{SimConfig, Simulation, session};
-use slamd_sim::sonar::BeamShape;
 use slamd_testkit::known_building::{feed, world};
 use std::sync::LazyLock;
 
@@ -19,16 +16,8 @@ const MAX_ATE_M: f64 = 0.3;
 static DRIVE: LazyLock<Vec<Record>> = LazyLock::new(|| {
     let faults = ["5:noisy@12s", "12:missing@15s", "19:stuck@15s", "26:saturated@20s"];
     session(Simulation::new(SimConfig {
-        world: world("flat"),
-        seed: 1,
-        duration_s: 60.0,
-        mix: FaultMix::None,
         faults: faults.map(|fault| fault.parse().unwrap()).into(),
-        beam: BeamShape::Cone,
-        sensors: 32,
-        odometry_errors: 1.0,
-        clock_drift_ppm: 300.0,
-        link: LinkFaults::default(),
+        ..SimConfig::usual(world("flat"), 1, 60.0, 32)
     }))
     .collect()
 });

@@ -26,10 +26,13 @@ pub(super) struct Limits {
 }
 
 impl Limits {
+    fn hold(self, range_m: f64) -> bool {
+        (self.min_m..=TOLERANCE * self.max_m).contains(&range_m)
+    }
+
     /// Share of the values that lie within, times a factor.
     fn share(self, values: &[f64], factor: f64) -> f64 {
-        let within = |value: &&f64| (self.min_m..=TOLERANCE * self.max_m).contains(&(factor * **value));
-        values.iter().filter(within).count() as f64 / values.len().max(1) as f64
+        values.iter().filter(|value| self.hold(factor * **value)).count() as f64 / values.len().max(1) as f64
     }
 
     /// How many times the right values these are, where they are in another unit than metres; right values are about `typical_m`.
@@ -68,11 +71,12 @@ fn finite(rows: &[Row], sensor: Option<usize>) -> Vec<f64> {
 /// Where all readings are in another unit from a row on.
 pub(super) fn check(rows: &mut [Row], limits: Limits, file: &str) -> Result<Vec<String>, ImportError> {
     let mut doubts = Vec::new();
-    if limits.share(&finite(rows, None), 1.0) < OTHERS / 2.0 {
+    let all = finite(rows, None);
+    if limits.share(&all, 1.0) < OTHERS / 2.0 {
         // The whole recording is in another unit, which is said elsewhere.
         return Ok(doubts);
     }
-    let within: Vec<f64> = finite(rows, None).into_iter().filter(|value| limits.share(&[*value], 1.0) > 0.5).collect();
+    let within: Vec<f64> = all.into_iter().filter(|value| limits.hold(*value)).collect();
     let typical_m = median(&within);
     let sensors = rows.first().map_or(0, |row| row.readings.len());
     for sensor in 0..sensors {
