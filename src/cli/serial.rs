@@ -1,6 +1,7 @@
 //! Talks to a board at a port: the loop of `slamd doctor` and `slamd setup`.
 
 use super::terminal;
+use crate::daemon::Shutdown;
 use crate::doctor::Examination;
 use crate::setup::{Progress, Setup};
 use bytes::{Buf as _, Bytes};
@@ -26,6 +27,16 @@ pub(super) trait Listener {
     fn length_s(&self) -> Option<f64>;
     /// What the person is to do now.
     fn instruction(&self) -> String;
+    /// What was found since the last call, for people.
+    fn take_news(&mut self) -> Vec<String>;
+}
+
+/// Why the loop ended before the listener was done.
+pub(super) enum Ended {
+    /// The port was lost, for this reason.
+    Gone(String),
+    /// A signal.
+    Interrupted,
 }
 
 /// An examination that lasts for a while, longer if other baud rates must be tried.
@@ -73,12 +84,18 @@ impl Listener for Timed {
             "listening to the board".into()
         }
     }
+
+    fn take_news(&mut self) -> Vec<String> {
+        Vec::new()
+    }
 }
 
 /// A setup, and how long it may take.
 pub(super) struct TimedSetup {
     pub(super) setup: Setup,
     pub(super) timeout_s: f64,
+    /// What was told of what it found, lines.
+    pub(super) told: usize,
 }
 
 impl Listener for TimedSetup {
@@ -114,6 +131,17 @@ impl Listener for TimedSetup {
     fn instruction(&self) -> String {
         self.setup.instruction()
     }
+
+    fn take_news(&mut self) -> Vec<String> {
+        // At the end it writes its findings anew, into the file.
+        if !matches!(self.setup.progress(), Progress::Busy) {
+            return Vec::new();
+        }
+        let found = self.setup.found();
+        let news = found.get(self.told..).unwrap_or_default().iter().map(|line| format!("found: {line}")).collect();
+        self.told = found.len();
+        news
+    }
 }
 
 /// What woke the loop.
@@ -121,11 +149,17 @@ enum Wake {
     Read(std::io::Result<usize>),
     Wrote(std::io::Result<usize>),
     Deadline,
+    Signal,
 }
 
-/// Listens until the listener is done. Returns why the port was lost, if it was. The instructions go to standard error unless it `is_quiet`.
+/// Listens until the listener is done. Returns why it ended earlier, if it did. The instructions go to standard error unless it `is_quiet`.
 #[expect(clippy::disallowed_methods, reason = "the clock's time becomes an input here")]
-pub(super) async fn listen(listener: &mut impl Listener, stream: SerialStream, is_quiet: bool) -> Option<String> {
+pub(super) async fn listen(
+    listener: &mut impl Listener,
+    stream: &mut SerialStream,
+    shutdown: &mut Shutdown,
+    is_quiet: bool,
+) -> Option<Ended> {
     let begin = Instant::now();
     let now = || Timestamp::default() + begin.elapsed();
     let mut guide = terminal::Guide::new(is_quiet);
@@ -135,6 +169,7 @@ pub(super) async fn listen(listener: &mut impl Listener, stream: SerialStream, i
     loop {
         let elapsed_s = now().seconds();
         let length_s = listener.length_s().filter(|length_s| elapsed_s < *length_s)?;
+        listener.take_news().iter().for_each(|line| guide.tell(line));
         guide.show(elapsed_s, length_s, &listener.instruction());
         let deadline = listener.next_deadline().min(now() + BAR_PERIOD);
         let deadline = begin + Duration::from_micros(deadline.us());
@@ -142,10 +177,11 @@ pub(super) async fn listen(listener: &mut impl Listener, stream: SerialStream, i
             read = reader.read(&mut chunk) => Wake::Read(read),
             wrote = write(&mut writer, outgoing.front()) => Wake::Wrote(wrote),
             () = tokio::time::sleep_until(deadline.into()) => Wake::Deadline,
+            () = shutdown.requested() => Wake::Signal,
         };
         let at = now();
         match wake {
-            Wake::Read(Ok(0)) => return Some("it hung up".into()),
+            Wake::Read(Ok(0)) => return Some(Ended::Gone("it hung up".into())),
             Wake::Read(Ok(count)) => listener.received(at, chunk.get(..count).unwrap_or_default()),
             Wake::Wrote(Ok(count)) => {
                 if let Some(first) = outgoing.front_mut() {
@@ -154,14 +190,15 @@ pub(super) async fn listen(listener: &mut impl Listener, stream: SerialStream, i
                 }
                 outgoing.pop_front_if(|first| !first.has_remaining());
             }
-            Wake::Read(Err(error)) | Wake::Wrote(Err(error)) => return Some(error.to_string()),
+            Wake::Read(Err(error)) | Wake::Wrote(Err(error)) => return Some(Ended::Gone(error.to_string())),
             Wake::Deadline => listener.run_until(at),
+            Wake::Signal => return Some(Ended::Interrupted),
         }
         outgoing.extend(listener.take_transmit());
         if let Some(baud) = listener.take_baud() {
-            let mut stream = reader.unsplit(writer);
+            let stream = reader.unsplit(writer);
             if let Err(error) = stream.set_baud_rate(baud) {
-                return Some(error.to_string());
+                return Some(Ended::Gone(error.to_string()));
             }
             (reader, writer) = tokio::io::split(stream);
         }
@@ -169,7 +206,7 @@ pub(super) async fn listen(listener: &mut impl Listener, stream: SerialStream, i
 }
 
 /// Writes the frame; never completes if there is none.
-async fn write(writer: &mut tokio::io::WriteHalf<SerialStream>, frame: Option<&Bytes>) -> std::io::Result<usize> {
+async fn write(writer: &mut tokio::io::WriteHalf<&mut SerialStream>, frame: Option<&Bytes>) -> std::io::Result<usize> {
     match frame {
         Some(frame) => writer.write(frame).await,
         None => std::future::pending().await,

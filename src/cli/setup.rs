@@ -1,14 +1,16 @@
 //! `slamd setup`: finds out how a robot is built, and writes its robot.toml.
 
 use super::outputs::ForceArg;
-use super::serial::{self, TimedSetup};
+use super::serial::{self, Ended, TimedSetup};
 use super::{Failure, Kind, run, terminal};
+use crate::daemon::Shutdown;
 use crate::port::{self, PortName};
 use crate::setup::{Measured, Progress, Setup};
 use clap::Args;
 use slamd_files::Output;
 use std::io::{IsTerminal as _, Write as _};
 use std::path::PathBuf;
+use tokio_serial::SerialStream;
 
 const HELP: &str = "Examples:
   slamd setup                                  asks, guides, and writes robot.toml
@@ -19,7 +21,7 @@ const HELP: &str = "Examples:
 It finds the number of sensors, the unit of the ranges, swapped or reversed wheels, ticks per turn, wheel base, and a turned or mirrored
 ring. Push the robot 30 cm straight ahead, turn it left on the spot by one full turn, then drive it around a room for a few metres. A
 robot that drives by itself needs no push, but walls cannot tell swapped wheels from a mirrored ring: then setup asks you to turn its left
-wheel by hand. The board stores what setup finds out about its encoders.
+wheel forward by hand. The board stores what setup finds out about its encoders; if no file is written, it gets its settings of before.
 
 Exit code: 0 written, 65 the board or the robot is wrong in a way that no configuration mends, 69 the port cannot be used, 73 the file exists.";
 
@@ -70,35 +72,67 @@ impl SetupArgs {
         let _guard = runtime.enter();
         let unusable = |error: &dyn std::fmt::Display| Failure::new(Kind::Unavailable, error.to_string());
         let path = self.port.resolve().map_err(|error| unusable(&error))?;
-        let stream = port::open(&path, self.baud).map_err(|error| unusable(&error))?;
+        let mut stream = port::open(&path, self.baud).map_err(|error| unusable(&error))?;
         let port = path.display().to_string();
         let setup = Setup::new(measured, self.baud, &port, self.timeout).with_person(asks);
-        let mut timed = TimedSetup { setup, timeout_s: self.timeout };
-        let gone = runtime.block_on(serial::listen(&mut timed, stream, false));
-        let setup = timed.setup;
-        match setup.progress() {
-            Progress::Done(text) => {
-                setup.complaints().iter().for_each(terminal::tell);
-                self.write(output, text, asks)
+        let mut timed = TimedSetup { setup, timeout_s: self.timeout, told: 0 };
+        let mut shutdown = Shutdown::new(None)?;
+        let ended = runtime.block_on(serial::listen(&mut timed, &mut stream, &mut shutdown, false));
+        let written = match (timed.setup.progress(), &ended) {
+            (Progress::Done(text), _) => {
+                timed.setup.complaints().iter().for_each(terminal::tell);
+                runtime.block_on(self.write(output, text, asks, &mut shutdown))
             }
-            Progress::Failed(text) => Err(Failure::new(Kind::Data, text.clone())),
-            Progress::Busy => {
-                let text = gone.unwrap_or_else(|| "it ended early".into());
-                Err(Failure::new(Kind::Unavailable, format!("{port} went away: {text}; nothing was written")))
+            (Progress::Failed(text), _) => Err(Failure::new(Kind::Data, text.clone())),
+            (Progress::Busy, Some(Ended::Gone(text))) => {
+                return Err(unusable(&format_args!("{port} went away: {text}; nothing was written")));
             }
+            (Progress::Busy, _) => Err(Failure::new(Kind::NothingMapped, "interrupted: nothing was written")),
+        };
+        if written.is_err() && timed.setup.take_back() {
+            runtime.block_on(take_back(&mut timed, &mut stream, &mut shutdown));
         }
+        written
     }
 
-    fn write(&self, output: Output, text: &str, asks: bool) -> Result<(), Failure> {
+    async fn write(&self, output: Output, text: &str, asks: bool, shutdown: &mut Shutdown) -> Result<(), Failure> {
         let name = self.out.display();
         terminal::say(text.trim_end());
-        if asks && !ask(&format!("Write this to {name}? [Y/n] ")).is_none_or(|answer| "yes".starts_with(&answer)) {
-            return Err(Failure::new(Kind::NothingMapped, "nothing was written"));
+        let nothing = |why: &str| Err(Failure::new(Kind::NothingMapped, format!("{why}nothing was written")));
+        if asks {
+            let answer = answered(format!("Write this to {name}? [Y/n] "));
+            let answer = tokio::select! {
+                answer = answer => answer.ok().flatten(),
+                () = shutdown.requested() => return nothing("interrupted: "),
+            };
+            if !answer.is_none_or(|answer| "yes".starts_with(&answer)) {
+                return nothing("");
+            }
         }
         output.write(text.as_bytes())?;
         terminal::say(format_args!("wrote {name}; now: slamd --port {} --config {name}", self.port));
         Ok(())
     }
+}
+
+/// Gives the board its settings of before, and says whether it has them.
+async fn take_back(timed: &mut TimedSetup, stream: &mut SerialStream, shutdown: &mut Shutdown) {
+    let ended = serial::listen(timed, stream, shutdown, true).await;
+    let missing = timed.setup.not_taken_back();
+    if ended.is_none() && missing.is_empty() {
+        return terminal::tell("the board has its settings of before again");
+    }
+    let names = missing.iter().map(|name| format!("board.{name}")).collect::<Vec<_>>().join(", ");
+    terminal::tell(format_args!(
+        "the board may not have its settings of before: {names}; `slamd setup` again can mend that"
+    ));
+}
+
+/// The answer to a question at the terminal, from a thread that may wait for ever.
+fn answered(question: String) -> tokio::sync::oneshot::Receiver<Option<String>> {
+    let (sender, receiver) = tokio::sync::oneshot::channel();
+    std::thread::spawn(move || sender.send(ask(&question)));
+    receiver
 }
 
 /// Asks for the wheels' measures; Enter leaves one to the walls.

@@ -71,6 +71,13 @@ impl Guide {
             tell(step);
         }
     }
+
+    /// Says something that stays.
+    pub(super) fn tell(&self, line: &str) {
+        if !self.is_quiet {
+            self.bar.suspend(|| tell(line));
+        }
+    }
 }
 
 impl Drop for Guide {

@@ -3,8 +3,10 @@
 //! Like the doctor, it has no port and no clock. It watches the robot with an [`Examination`] under the configuration that it believes in.
 //! Whatever the drill or the walls contradict is corrected, and the robot is watched anew, until some metres agree.
 
+mod ambiguity;
 mod one_wheel;
 mod robot;
+mod take_back;
 mod watch;
 
 use crate::doctor::{Examination, Finding, Level};
@@ -57,6 +59,8 @@ enum Phase {
     Watch,
     /// A person turns one wheel. Since when.
     OneWheel(Timestamp, OneWheel),
+    /// The board takes back its settings of before, after this end.
+    TakeBack(Progress),
     Over(Progress),
 }
 
@@ -227,9 +231,10 @@ impl Setup {
                 )
             }
             Phase::OneWheel(_, wheels) => format!(
-                "which wheel is which? Stop the robot, lift it, and turn only its LEFT wheel by half a turn: counted {:.0} cm",
+                "which wheel is which? Stop the robot, lift it, and turn only its LEFT wheel forward by half a turn: counted {:.0} cm",
                 100.0 * wheels.counted_m()
             ),
+            Phase::TakeBack(_) => "the board takes its settings of before back".into(),
             Phase::Over(_) => "done".into(),
         }
     }
@@ -255,6 +260,7 @@ impl Setup {
             Phase::Settings(since) => self.take_over(since, at),
             Phase::Watch => self.watch(at),
             Phase::OneWheel(since, _) => return self.see_wheel(since, at),
+            Phase::TakeBack(_) => return self.await_settings(at),
             Phase::Over(_) => return,
         }
         if at.seconds() > self.timeout_s && !matches!(self.phase, Phase::Over(_)) {

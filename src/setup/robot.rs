@@ -126,7 +126,10 @@ pub(super) fn change(config: &mut Config, wiring: &mut Wiring, change: Change) {
             let nearest = (turned_deg / 15.0).round() * 15.0;
             config.ring.rotation_deg = if (turned_deg - nearest).abs() < 6.0 { nearest } else { turned_deg.round() };
         }
-        Change::Mirror => config.ring.mirrored = !config.ring.mirrored,
+        // The whole ring, turned as it is, seen in a mirror: a ring is mirrored before it is turned.
+        Change::Mirror => {
+            (config.ring.mirrored, config.ring.rotation_deg) = (!config.ring.mirrored, 0.0 - config.ring.rotation_deg);
+        }
         Change::Swap => *wiring = wiring.corrected([false; 2], true),
         Change::Reverse(reversed) => *wiring = wiring.corrected(reversed, false),
     }

@@ -1,10 +1,11 @@
 //! Watches the robot move: what contradicts the configuration, and when enough agrees with it.
 
+use super::ambiguity;
 use super::one_wheel::OneWheel;
 use super::robot::{self, Change, Wiring};
 use super::{ENOUGH_M, ENOUGH_RAD, Measured, Phase, Progress, Setup};
 use crate::doctor::{Mistake, simple_factor};
-use slamd_core::{EncoderState, ModelState, Timestamp, Wheel, config::RobotConfig};
+use slamd_core::{EncoderState, ModelState, Timestamp, config::RobotConfig};
 
 /// A drill without a drive after it is enough after this time, seconds.
 const AFTER_DRILL_S: f64 = 10.0;
@@ -200,14 +201,18 @@ impl Setup {
             self.rounds += 1;
             return self.begin_watch(at);
         }
-        let is_ambiguous =
-            self.wiring_before.is_swapped != self.wiring.unwrap_or_default().is_swapped && !self.is_drilled;
-        if is_ambiguous && self.has_person && !self.is_asked {
+        if self.is_ambiguous() && self.has_person && !self.is_asked {
             self.is_asked = true;
             self.phase = Phase::OneWheel(at, OneWheel::default());
             return;
         }
         self.write(is_confirmed);
+    }
+
+    /// Whether walls alone have told the robot's sides, which they cannot.
+    fn is_ambiguous(&self) -> bool {
+        let wiring = self.wiring.unwrap_or_default();
+        !self.is_drilled && !self.is_told && ambiguity::is_of_sides(&self.config, self.wiring_before, wiring)
     }
 
     /// Waits for the wheel that the person turns. If nobody does, the file says that there are two possibilities.
@@ -217,17 +222,17 @@ impl Setup {
             wheels.sweep(sweep);
         }
         match wheels.turned() {
-            Some(Wheel::Left) => {
+            Some((wheel, is_forward)) => {
                 self.is_told = true;
-                self.write(true);
-            }
-            // The left wheel was reported as the right one: the wheels were right before, and the ring is the mirrored one.
-            Some(Wheel::Right) => {
-                let mut wiring = self.wiring.unwrap_or_default();
-                for change in [Change::Swap, Change::Mirror] {
-                    robot::change(&mut self.config, &mut wiring, change);
+                let changes = ambiguity::of_left_wheel_forward(wheel, is_forward);
+                if changes.is_empty() {
+                    return self.write(true);
                 }
-                self.found.push(Change::Mirror.words());
+                let mut wiring = self.wiring.unwrap_or_default();
+                for change in changes {
+                    robot::change(&mut self.config, &mut wiring, *change);
+                    self.found.push(change.words());
+                }
                 self.wiring = Some(wiring);
                 self.begin_watch(at);
             }
@@ -246,12 +251,17 @@ impl Setup {
         if self.found.is_empty() {
             self.found.push("the robot is as the board says".into());
         }
-        if wirings.0.is_swapped != wirings.1.is_swapped && !self.is_drilled && !self.is_told {
-            self.found.push(
-                "walls cannot tell this from sensors that are numbered the other way round; if the map is a mirror image, set \
-                 wheels_swapped = false, and mirrored = true in [ring]"
-                    .into(),
-            );
+        if self.is_ambiguous() {
+            let keys = ambiguity::mirror_image(&self.config, wirings.0, wirings.1);
+            self.found.push(format!(
+                "walls cannot tell this from sensors that are numbered the other way round; if the map is a mirror image, set {keys}"
+            ));
+        }
+        let is_measured = self.is_drilled || self.measured != Measured::default();
+        if let Some(keys) = ambiguity::one_way(&self.config, said).filter(|_| !is_measured) {
+            self.found.push(format!(
+                "walls cannot tell this from ranges that are half the true ones; if the map is half as large as the home, set {keys}"
+            ));
         }
         if !is_confirmed {
             self.found.push("only a drill by hand was seen; no drive has confirmed it".into());

@@ -9,6 +9,7 @@ use slamd_protocol::{FrameDecoder, FrameEncoder, Message, Setting};
 use slamd_sim::simulation::{SimConfig, Simulation};
 use slamd_sim::world::World;
 use slamd_testkit::odd_board::{OddBoard, Oddity};
+use std::io::BufRead as _;
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -48,14 +49,18 @@ pub(crate) fn set_up(simulation: &mut Simulation, seconds: u64) -> Result<(Strin
     Err("it never ends".into())
 }
 
-/// Sets a robot up that drives by itself, with a person who turns its left wheel when asked. The file's text.
-fn set_up_with_person(simulation: &mut Simulation, are_plugs_swapped: bool) -> Result<String, String> {
+/// Sets a robot up that drives by itself, with a person who turns its left wheel forward when asked. The file's text.
+fn set_up_with_person(
+    simulation: &mut Simulation,
+    are_plugs_swapped: bool,
+    are_counts_reversed: bool,
+) -> Result<String, String> {
     const SECONDS: u64 = 400;
     let mut setup = Setup::new(Measured::default(), 115_200, "test", SECONDS as f64).with_person(true);
     let (mut decoder, mut heard, mut encoder) = (FrameDecoder::new(), FrameDecoder::new(), FrameEncoder::default());
     // The true counts when the robot was lifted, and how often the wheel was seen since.
     let (mut lifted, mut is_lifted, mut seen) = ([0, 0], false, 0);
-    let mut is_swapped = false;
+    let (mut is_swapped, mut is_reversed) = (false, [false; 2]);
     let mut asked = 0;
     for now_us in (0..(SECONDS + 1) * 1_000_000).step_by(STEP_US) {
         let now = Timestamp::from_us(now_us);
@@ -80,7 +85,9 @@ fn set_up_with_person(simulation: &mut Simulation, are_plugs_swapped: bool) -> R
                         seen += 1;
                         let turned = (seen - 300).clamp(0, 400);
                         (*left, *right) = (lifted[0], lifted[1]);
-                        *(if is_swapped == are_plugs_swapped { left } else { right }) += 2 * turned;
+                        let is_left = is_swapped == are_plugs_swapped;
+                        let is_backward = are_counts_reversed != is_reversed[usize::from(!is_left)];
+                        *(if is_left { left } else { right }) += if is_backward { -2 * turned } else { 2 * turned };
                     }
                 }
                 setup.received(now, &encoder.encode(&message));
@@ -90,10 +97,12 @@ fn set_up_with_person(simulation: &mut Simulation, are_plugs_swapped: bool) -> R
         for frame in setup.take_transmit() {
             for byte in &frame {
                 let Some(sent) = heard.push(*byte) else { continue };
-                if let Ok(Message::ConfigSet { key, value }) = Message::parse(sent.kind, sent.payload)
-                    && key == Setting::WheelsSwapped.key()
-                {
-                    is_swapped = value == 1;
+                let Ok(Message::ConfigSet { key, value }) = Message::parse(sent.kind, sent.payload) else { continue };
+                match Setting::from_key(key) {
+                    Some(Setting::WheelsSwapped) => is_swapped = value == 1,
+                    Some(Setting::LeftReversed) => is_reversed[0] = value == 1,
+                    Some(Setting::RightReversed) => is_reversed[1] = value == 1,
+                    _ => {}
                 }
             }
             simulation.hear(now, &frame);
@@ -197,14 +206,59 @@ fn each_mistake_has_its_keys_and_values() {
 
 #[test]
 fn a_person_tells_swapped_wheels_from_a_mirrored_ring() {
-    let text = set_up_with_person(&mut robot(16, &["wheels-swapped"]), true).unwrap();
+    let text = set_up_with_person(&mut robot(16, &["wheels-swapped"]), true, false).unwrap();
     assert!(text.contains("\nwheels_swapped = true\n") && !text.contains("mirrored = true"), "{text}");
     assert!(!text.contains("walls cannot tell"), "{text}");
-    let text = set_up_with_person(&mut robot(16, &["ring-mirrored"]), false).unwrap();
+    let text = set_up_with_person(&mut robot(16, &["ring-mirrored"]), false, false).unwrap();
     assert!(text.contains("\nmirrored = true\n") && !text.contains("wheels_swapped = true"), "{text}");
+    // A robot that the walls take for one with its ring the wrong way round, in a mirror image of the home.
+    let text = set_up_with_person(&mut robot(16, &["wheels-reversed", "ring-mirrored"]), false, true).unwrap();
+    let config = Config::from_toml(&text).unwrap();
+    assert!(text.contains("left_reversed = true") && text.contains("right_reversed = true"), "{text}");
+    assert!(config.ring.mirrored && config.ring.rotation_deg.abs() < 1e-9, "{text}");
+    assert!(!text.contains("wheels_swapped = true") && !text.contains("walls cannot tell"), "{text}");
     // Without a person the file says that there are two possibilities.
     let (text, _) = set_up(&mut robot(16, &["ring-mirrored"]), 300).unwrap();
     assert!(text.contains("walls cannot tell") && text.contains("mirrored = true in [ring]"), "{text}");
+}
+
+#[test]
+fn a_board_gets_its_settings_back_where_no_file_is_written() {
+    let mut simulation = robot(16, &["wheels-swapped"]);
+    let mut setup = Setup::new(Measured::default(), 115_200, "test", 300.0);
+    let (mut heard, mut settings) = (FrameDecoder::new(), Vec::new());
+    // Interrupted once something was found, and again at an end of its own.
+    let mut taken_back_at_us = None;
+    for now_us in (0..120_000_000).step_by(STEP_US) {
+        let own = Timestamp::from_us(now_us - taken_back_at_us.unwrap_or_default());
+        while let Some(record) = simulation.poll(Timestamp::from_us(now_us)) {
+            if let Record::Received { bytes, .. } = record {
+                setup.received(own, &bytes);
+            }
+        }
+        setup.run_until(own);
+        for frame in setup.take_transmit() {
+            for byte in &frame {
+                let Some(sent) = heard.push(*byte) else { continue };
+                if let Ok(Message::ConfigSet { key, value }) = Message::parse(sent.kind, sent.payload) {
+                    settings.push((Setting::from_key(key), value));
+                }
+            }
+            simulation.hear(Timestamp::from_us(now_us), &frame);
+            setup.sent(own, &frame);
+        }
+        if taken_back_at_us.is_none() && setup.found().iter().any(|line| line.contains("swapped")) {
+            taken_back_at_us = settings.contains(&(Some(Setting::WheelsSwapped), 1)).then(|| {
+                assert!(setup.take_back());
+                now_us
+            });
+        } else if taken_back_at_us.is_some_and(|at_us| now_us > at_us + 4_000_000) {
+            break;
+        }
+    }
+    assert!(taken_back_at_us.is_some(), "nothing was found");
+    assert_eq!(settings.last(), Some(&(Some(Setting::WheelsSwapped), 0)), "{settings:?}");
+    assert_eq!(setup.not_taken_back(), [""; 0]);
 }
 
 #[test]
@@ -253,6 +307,32 @@ fn slamd(folder: &Path, arguments: &[&str]) -> Output {
     let mut slamd = Command::new(SLAMD);
     slamd.args(arguments).current_dir(folder).env("XDG_CONFIG_HOME", folder).stdin(Stdio::null());
     slamd.output().unwrap()
+}
+
+/// Told as it is found, and an interrupted setup says what it leaves.
+#[test]
+fn what_is_found_is_told_at_once_and_a_signal_ends_it_with_the_boards_settings_as_before() {
+    let folder = tempfile::tempdir().unwrap();
+    let _board =
+        Board::new(folder.path(), &["--sensors", "16", "--duration", "600", "--robot-fault", "wheels-swapped"]);
+    let mut setup = Command::new(SLAMD);
+    setup.args(["setup", "--port", "board"]).current_dir(folder.path()).stdin(Stdio::null());
+    let mut setup = setup.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut said = String::new();
+    let mut lines = std::io::BufReader::new(setup.stderr.take().unwrap()).lines().map_while(Result::ok);
+    for line in lines.by_ref() {
+        said = said + &line + "\n";
+        if said.contains("found: left and right wheel are swapped") && line.contains("now ") {
+            break;
+        }
+    }
+    let setup_id = rustix::process::Pid::from_child(&setup);
+    rustix::process::kill_process(setup_id, rustix::process::Signal::INT).unwrap();
+    said.extend(lines.map(|line| line + "\n"));
+    assert_eq!(setup.wait().unwrap().code(), Some(75), "{said}");
+    assert!(said.contains("the board has its settings of before again"), "{said}");
+    assert!(said.contains("interrupted: nothing was written"), "{said}");
+    assert!(!folder.path().join("robot.toml").exists());
 }
 
 /// The path of a person who has just built a robot, in real time: fresh folder, board, `slamd setup`, map.

@@ -1,8 +1,9 @@
 //! Examines the board at a port for some seconds.
 
 use super::{DoctorArgs, host};
-use crate::cli::serial::{self, Timed};
+use crate::cli::serial::{self, Ended, Timed};
 use crate::cli::{Failure, config, run};
+use crate::daemon::Shutdown;
 use crate::doctor::{Examination, Finding, Level, Report};
 use crate::port::{self, PortError, PortName};
 
@@ -17,7 +18,7 @@ pub(super) fn examine(args: &DoctorArgs, name: &PortName) -> Result<(Report, boo
     findings.extend(host::of_port(&path));
     let runtime = run::runtime()?;
     let _guard = runtime.enter();
-    let stream = match port::open(&path, args.baud) {
+    let mut stream = match port::open(&path, args.baud) {
         Ok(stream) => stream,
         Err(error) => return Ok(unusable(findings, &error)),
     };
@@ -25,10 +26,12 @@ pub(super) fn examine(args: &DoctorArgs, name: &PortName) -> Result<(Report, boo
     findings.push(Finding::ok("port.open", format!("{port} is open at {} baud", args.baud)));
     let examination = Examination::new(&config, args.baud, &port);
     let mut timed = Timed { examination, seconds: args.seconds };
-    let gone = runtime.block_on(serial::listen(&mut timed, stream, args.json));
+    let mut shutdown = Shutdown::new(None)?;
+    // A signal ends it early: what was found until then is told.
+    let ended = runtime.block_on(serial::listen(&mut timed, &mut stream, &mut shutdown, args.json));
     let (of_board, sensors) = timed.examination.findings();
     findings.extend(of_board);
-    if let Some(text) = &gone {
+    if let Some(Ended::Gone(text)) = &ended {
         let fix = "check the plug and the cable, and the board's supply";
         findings.push(Finding::new(Level::Problem, "port.gone", format!("{port} went away: {text}"), fix));
     }
