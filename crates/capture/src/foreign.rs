@@ -31,8 +31,8 @@ pub(super) fn hint(begin: &[u8]) -> &'static str {
 pub(super) const MAX_TOPICS: usize = 5;
 /// The profile of captures.
 const PROFILE: &str = "slamd";
-/// Larger files are not read for their list of topics, bytes.
-const MAX_READ: u64 = 1 << 30;
+/// Larger files are not read whole for their list of topics, bytes: the profile names them.
+const MAX_READ: u64 = 64 << 20;
 
 impl Seen<'_> {
     /// Why the file is no capture; none if it may be the beginning of one.

@@ -10,12 +10,14 @@ use std::hash::{BuildHasher as _, Hasher as _};
 use std::io::{self, ErrorKind, Read as _, Write as _};
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::os::fd::AsRawFd as _;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Limit of the connections; further ones are closed.
 const MAX_CONNECTIONS: usize = 32;
+/// Limit of those from one address of the network: a viewer has one, a browser six at most.
+const MAX_OF_ADDRESS: usize = 8;
 /// Descriptors that are left to the session.
 const RESERVED: u64 = 64;
 /// A connection that has not sent its request's head by then is closed.
@@ -48,7 +50,8 @@ struct Shared {
     behind: SocketAddr,
     /// Pages that may read the session, as browsers name them in `Origin`.
     pages: Mutex<Vec<String>>,
-    open: AtomicUsize,
+    /// Where the open connections come from.
+    open: Mutex<Vec<IpAddr>>,
     is_closed: AtomicBool,
 }
 
@@ -63,7 +66,7 @@ impl Door {
         let shared = Arc::new(Shared {
             behind,
             pages: Mutex::default(),
-            open: AtomicUsize::new(0),
+            open: Mutex::default(),
             is_closed: AtomicBool::new(false),
         });
         let accepting = Arc::clone(&shared);
@@ -78,6 +81,12 @@ impl Door {
     }
 }
 
+impl Shared {
+    fn open(&self) -> MutexGuard<'_, Vec<IpAddr>> {
+        self.open.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
 impl Drop for Door {
     #[expect(clippy::disallowed_methods, reason = "the end of a process must not wait long for a viewer")]
     fn drop(&mut self) {
@@ -86,7 +95,7 @@ impl Drop for Door {
         let _ = TcpStream::connect_timeout(&super::reached(self.address), HEAD_TIMEOUT);
         // What the server sent last is still passed on.
         let end = Instant::now() + END_TIMEOUT;
-        while self.shared.open.load(Ordering::Relaxed) > 0 && Instant::now() < end {
+        while !self.shared.open().is_empty() && Instant::now() < end {
             std::thread::sleep(RETRY);
         }
     }
@@ -108,16 +117,18 @@ fn accept(listener: &TcpListener, shared: &Arc<Shared>) {
         if shared.is_closed.load(Ordering::Relaxed) {
             return;
         }
-        let stream = match accepted {
-            Ok((stream, _)) => stream,
+        let (stream, address) = match accepted {
+            Ok((stream, from)) => (stream, from.ip().to_canonical()),
             Err(error) => {
                 tracing::warn!("viewer: cannot accept a connection: {error}");
                 std::thread::sleep(ACCEPT_RETRY);
                 continue;
             }
         };
-        let Some(place) = Place::new(shared) else {
-            tracing::warn!("viewer: a connection is refused: {MAX_CONNECTIONS} are open");
+        let Some(place) = Place::new(shared, address) else {
+            tracing::warn!(
+                "viewer: a connection is refused: {MAX_CONNECTIONS} are open, or {MAX_OF_ADDRESS} from the same address"
+            );
             continue;
         };
         if !is_spare(&stream) {
@@ -132,20 +143,30 @@ fn accept(listener: &TcpListener, shared: &Arc<Shared>) {
     }
 }
 
-/// Counts a connection until it is dropped.
-struct Place(Arc<Shared>);
+/// Holds a connection's place until it is dropped.
+struct Place {
+    shared: Arc<Shared>,
+    address: IpAddr,
+}
 
 impl Place {
-    fn new(shared: &Arc<Shared>) -> Option<Self> {
-        let open = shared.open.fetch_add(1, Ordering::Relaxed);
-        let place = Self(Arc::clone(shared));
-        (open < MAX_CONNECTIONS).then_some(place)
+    fn new(shared: &Arc<Shared>, address: IpAddr) -> Option<Self> {
+        let mut open = shared.open();
+        let of_address = open.iter().filter(|other| **other == address).count();
+        let is_crowd = !address.is_loopback() && of_address >= MAX_OF_ADDRESS;
+        if open.len() >= MAX_CONNECTIONS || is_crowd {
+            return None;
+        }
+        open.push(address);
+        Some(Self { shared: Arc::clone(shared), address })
     }
 }
 
 impl Drop for Place {
     fn drop(&mut self) {
-        self.0.open.fetch_sub(1, Ordering::Relaxed);
+        let mut open = self.shared.open();
+        let found = open.iter().position(|other| *other == self.address);
+        found.map(|index| open.swap_remove(index));
     }
 }
 
@@ -164,7 +185,7 @@ fn pass(mut client: TcpStream, place: &Place) -> io::Result<()> {
         let mut chunk = [0; 2048];
         let count = client.read(&mut chunk)?;
         head.extend_from_slice(chunk.get(..count).unwrap_or_default());
-        let pages = place.0.pages.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let pages = place.shared.pages.lock().unwrap_or_else(PoisonError::into_inner).clone();
         match judge(&head, &pages) {
             Verdict::Wait if count > 0 && head.len() < MAX_HEAD_BYTES => {}
             Verdict::Pass(forwarded) => break forwarded,
@@ -174,7 +195,7 @@ fn pass(mut client: TcpStream, place: &Place) -> io::Result<()> {
             }
         }
     };
-    let mut server = connect(place.0.behind)?;
+    let mut server = connect(place.shared.behind)?;
     for stream in [&client, &server] {
         stream.set_read_timeout(None)?;
         stream.set_nodelay(true)?;

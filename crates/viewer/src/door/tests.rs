@@ -126,3 +126,17 @@ fn reruns_server_answers_viewers_and_its_own_pages_alone() {
     viewer.finish(Duration::from_secs(2));
     while TcpListener::bind(address).is_err() {}
 }
+
+#[test]
+fn an_address_of_the_network_has_few_places_and_this_computer_all() {
+    let door = Door::open((Ipv4Addr::LOCALHOST, 0).into(), hidden_address().unwrap()).unwrap();
+    let far = IpAddr::from([192, 0, 2, 1]);
+    let mut held: Vec<_> = (0..MAX_OF_ADDRESS).map(|_| Place::new(&door.shared, far).unwrap()).collect();
+    assert!(Place::new(&door.shared, far).is_none());
+    held.extend(
+        (MAX_OF_ADDRESS..MAX_CONNECTIONS).map(|_| Place::new(&door.shared, Ipv4Addr::LOCALHOST.into()).unwrap()),
+    );
+    assert!(Place::new(&door.shared, Ipv4Addr::LOCALHOST.into()).is_none());
+    held.remove(0);
+    assert!(Place::new(&door.shared, far).is_some());
+}
