@@ -207,16 +207,19 @@ impl Examination {
         if !self.is_recording && !self.clock.has_answers() {
             of_sensors.iter_mut().filter(|finding| finding.id == "sensors.silent").for_each(deaf);
         }
-        findings.extend(of_sensors);
-        findings.extend(noisy(self.driver.pipeline().states()));
+        let is_ring_known = troubles.is_ring_known();
+        if is_ring_known {
+            findings.extend(of_sensors);
+            findings.extend(noisy(self.driver.pipeline().states()));
+        }
         let of_wheels = self.wheels.findings(&self.config.robot, self.driver.pipeline().board(), |setting| {
             self.setting(setting).or_else(|| {
                 self.config.settings().find(|(configured, _)| *configured == setting).map(|(_, value)| value)
             }) == Some(1)
         });
         let models = self.outputs.state.models().iter().filter(|event| event.state != ModelState::Resolved);
-        let models: Vec<Finding> = models.map(model).collect();
-        let of_drill = if models.is_empty() { self.of_drill(&of_wheels) } else { Vec::new() };
+        let models: Vec<Finding> = models.filter(|_| is_ring_known).map(model).collect();
+        let of_drill = if models.is_empty() && is_ring_known { self.of_drill(&of_wheels) } else { Vec::new() };
         // What the walls confirm replaces what the wheels alone suggest.
         findings.extend(of_wheels.into_iter().filter(|finding| of_drill.iter().all(|other| other.id != finding.id)));
         findings.extend(of_drill);

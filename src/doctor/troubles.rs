@@ -30,6 +30,11 @@ impl<'a> Troubles<'a> {
         })
     }
 
+    /// True if sensors and places belong together; otherwise no sensor and no wall tells anything.
+    pub(super) fn is_ring_known(&self) -> bool {
+        self.all.iter().all(|(topic, _)| *topic != Topic::SensorIds)
+    }
+
     /// What is wrong with the board's identity, and what to do.
     pub(super) fn identity(&self) -> Option<(&'a str, &'a str)> {
         self.all.iter().find(|(topic, _)| *topic == Topic::Identity).map(|(_, text)| parts(text))

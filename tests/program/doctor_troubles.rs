@@ -178,6 +178,13 @@ fn a_shipped_configuration_is_no_error_in_a_replay() {
     assert!(code == 0 && !text.contains("does not answer"), "{text}");
     let (code, text) = slamd(&["replay", "a.mcap", "--config", ring8]);
     assert!(code == 0 && !text.contains("does not answer"), "{text}");
+    // A recording of another ring: the key is named, and no other cause.
+    let paper = root.join("replay/flat-paper-faults.mcap");
+    let (code, text) = slamd(&["doctor", "--capture", paper.to_str().unwrap(), "--config", ring8]);
+    assert_eq!(code, 65, "{text}");
+    assert!(text.contains("problem  ring.circle.count gives the robot 8 sensors, but the board has 32"), "{text}");
+    assert!(text.contains("-> set ring.circle.count = 32, or leave [ring.circle] out"), "{text}");
+    assert!(!text.contains("rotation_deg") && !text.contains("warning  sensor"), "{text}");
 }
 
 #[test]

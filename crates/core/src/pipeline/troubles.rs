@@ -115,10 +115,30 @@ impl Pipeline {
         }
     }
 
+    /// What an unknown sensor means where the configured ring is not the board's; none elsewhere.
+    fn other_ring(&self, trouble: &Trouble) -> Option<String> {
+        let Trouble::UnknownSensor(sensor, count) = trouble else { return None };
+        let has = self.conversation.board().hello()?.sensors;
+        let ring = &self.config.ring;
+        let is_other = ring.ring().is_some() && usize::from(has) != *count;
+        is_other.then(|| {
+            let (key, remedy) = if ring.circle.is_some() {
+                ("ring.circle.count", format!("set ring.circle.count = {has}, or leave [ring.circle] out"))
+            } else {
+                ("ring.sensors", format!("name {has} sensors in ring.sensors, or none"))
+            };
+            format!(
+                "{key} gives the robot {count} sensors, but the board has {has} and reports sensor {sensor}: {remedy} to take \
+                 the places that the board says"
+            )
+        })
+    }
+
     /// Says what the aligner found.
     pub(super) fn take_troubles(&mut self, at: Timestamp) {
         while let Some(trouble) = self.aligner.take_trouble() {
-            self.trouble(trouble.topic(), trouble.to_string(), at);
+            let text = self.other_ring(&trouble).unwrap_or_else(|| trouble.to_string());
+            self.trouble(trouble.topic(), text, at);
             if matches!(trouble, Trouble::RangesOff { .. })
                 && matches!(self.start, Start::Fresh)
                 && let Some(estimator) = &mut self.estimator
