@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use slamd_protocol::{FrameEncoder, Log, Message, Text};
+use slamd_protocol::{FrameEncoder, Hello, Log, Message, Sonar, Text};
 use slamd_testkit::mock_port::{Board, Device, Plugged, Terminal};
 use slamd_testkit::served::{SOON, Served, get};
 use std::io::{BufRead as _, BufReader, Write as _};
@@ -113,6 +113,33 @@ fn garbage() -> impl FnMut() -> Vec<u8> + Send {
     }
 }
 
+/// A board that restarts again and again: each time it says who it is, and the link and what hangs on it begin anew.
+fn restarts() -> impl FnMut() -> Vec<u8> + Send {
+    let (mut encoder, mut boot_id) = (FrameEncoder::new(), 0);
+    move || {
+        boot_id += 1;
+        let hello = Message::Hello(Hello { boot_id, ..hello() });
+        let silent = Sonar { t_us: 1_000 * boot_id, group: 0, last_of_cycle: true, left_ticks: 0, right_ticks: 0, echoes: <_>::default() };
+        [hello, Message::Sonar(silent)].iter().flat_map(|message| encoder.encode(message).to_vec()).collect()
+    }
+}
+
+fn hello() -> Hello {
+    Hello {
+        major: slamd_protocol::VERSION_MAJOR,
+        minor: 0,
+        boot_id: 0,
+        tick_hz: 1_000_000,
+        sensors: 8,
+        ticks_per_turn: 1440,
+        capabilities: 0,
+        config_crc: 0,
+        uid: *b"restarts",
+        board: Text::new("restarting"),
+        firmware: Text::new("1"),
+    }
+}
+
 /// What is logged while a board floods the line.
 fn logged_under(next: impl FnMut() -> Vec<u8> + Send + 'static) -> Vec<String> {
     let folder = tempfile::tempdir().unwrap();
@@ -159,6 +186,13 @@ fn a_board_that_talks_at_line_rate_writes_a_few_lines_that_say_how_many_there_we
 fn malformed_bytes_at_line_rate_write_a_few_lines() {
     let lines = logged_under(garbage());
     assert!((1..100).contains(&lines.len()), "{} lines in 15 s: {lines:#?}", lines.len());
+}
+
+#[test]
+fn a_link_that_flaps_at_line_rate_writes_a_few_lines() {
+    let lines = logged_under(restarts());
+    assert!(lines.iter().any(|line| line.contains(" more in ")), "it does not flap: {lines:#?}");
+    assert!(lines.len() < 200, "{} lines in 15 s: {lines:#?}", lines.len());
 }
 
 #[test]
