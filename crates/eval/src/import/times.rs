@@ -32,6 +32,12 @@ impl TimeUnit {
         }
     }
 
+    /// Its word on the command line.
+    pub(super) const fn word(self) -> &'static str {
+        let [_, word] = self.words();
+        word
+    }
+
     /// How many seconds it is.
     pub(super) const fn seconds(self) -> f64 {
         match self {
@@ -99,6 +105,23 @@ pub(super) fn check(rows: &[Row], unit: Option<TimeUnit>, file: &str) -> Result<
     }
     let is_asked = step_s >= LONG_STEP_S && unit.is_none();
     Ok(is_asked.then(|| question(&format!("rows are {step_s:.0} s apart"))))
+}
+
+/// A step is a wrap if it differs by less: seconds, and a share of the wrap.
+const NEAR_WRAP_S: f64 = 2.0;
+const NEAR_WRAP: f64 = 0.005;
+/// Counters that wrap, seconds, and why.
+const WRAPS: [(f64, &str); 4] = [
+    (4_294_967.296, "millis() wraps after 2^32 ms (49.7 days)"),
+    (4_294.967_296, "micros() wraps after 2^32 us (71.6 minutes)"),
+    (65.536, "a counter of milliseconds of 16 bits wraps after 65.5 s"),
+    (86_400.0, "a time of day begins anew at midnight"),
+];
+
+/// Why a clock steps by so much.
+pub(super) fn step(step_s: f64) -> String {
+    let wrap = WRAPS.into_iter().find(|(wrap_s, _)| (step_s + wrap_s).abs() <= NEAR_WRAP_S.min(NEAR_WRAP * wrap_s));
+    wrap.map_or_else(|| format!("the clock steps by {step_s:.2} s"), |(_, why)| why.to_owned())
 }
 
 /// True if nearly all rows are closer than any two echoes.
@@ -184,5 +207,14 @@ mod tests {
             assert!(error.starts_with(&format!("a.csv: line 2: all 100 rows have {words}, so")), "{error}");
             assert_eq!(check(&still[..1], None, "a.csv").unwrap(), None);
         }
+    }
+
+    #[test]
+    fn counters_that_wrap_are_named() {
+        assert_eq!(step(-4_294_967.196), "millis() wraps after 2^32 ms (49.7 days)");
+        assert_eq!(step(-4_294.9), "micros() wraps after 2^32 us (71.6 minutes)");
+        assert_eq!(step(-86_399.9), "a time of day begins anew at midnight");
+        assert_eq!(step(-65.5), "a counter of milliseconds of 16 bits wraps after 65.5 s");
+        assert_eq!(step(-12.345), "the clock steps by -12.35 s");
     }
 }
