@@ -49,7 +49,7 @@ impl Cells<'_> {
             } else {
                 format!("'{cell}'")
             };
-            line.error(cell, column, &format!("{READING}; where it means no echo: --no-echo {word}"))
+            line.error(cell, column, &format!("{READING}; where it means no echo: {}", no_echo(&word)))
         })
     }
 
@@ -57,6 +57,12 @@ impl Cells<'_> {
     pub(super) fn is_empty_no_echo(&self) -> bool {
         self.no_echo.iter().any(|word| word.is_empty() || word.eq_ignore_ascii_case(EMPTY))
     }
+}
+
+/// The option for a value that means "no echo". A sign in front of it would be another option.
+pub(super) fn no_echo(value: &str) -> String {
+    let is_sign = value.starts_with('-') && !value.parse::<f64>().is_ok_and(f64::is_finite);
+    format!("--no-echo{}{value}", if is_sign { "=" } else { " " })
 }
 
 /// A number with its unit, such as `101 cm` or `1.01m`.
@@ -109,7 +115,7 @@ mod tests {
             ("NULL", "--no-echo NULL"),
             ("OUT OF RANGE", "--no-echo 'OUT OF RANGE'"),
             (">4.0", "--no-echo '>4.0'"),
-            ("---", "--no-echo ---"),
+            ("---", "--no-echo=---"),
             ("***", "--no-echo '***'"),
         ] {
             let error = read(cell, &["none"], 1.0).unwrap_err();

@@ -235,7 +235,7 @@ fn of_header(line: SourceLine<'_>, names: &[String], sensors: usize) -> Result<L
         return Ok(Layout { roles, ..Layout::default() });
     }
     header::guess(names, sensors).map_err(|hint| {
-        let hint = if names.iter().all(|name| name.parse::<f64>().is_ok()) { headless(names, sensors) } else { hint };
+        let hint = if is_headless(names) { headless(names, sensors) } else { hint };
         let (column, field, expected) = other.unwrap_or_else(|| {
             (roles.len(), names.get(roles.len()).map_or("", String::as_str), "the end of the line".into())
         });
@@ -244,9 +244,13 @@ fn of_header(line: SourceLine<'_>, names: &[String], sensors: usize) -> Result<L
     })
 }
 
-/// What to do about a file whose first line holds numbers.
+/// True if most fields of a first line are numbers.
+fn is_headless(names: &[String]) -> bool {
+    2 * names.iter().filter(|name| name.parse::<f64>().is_ok()).count() > names.len()
+}
+
 fn headless(names: &[String], sensors: usize) -> String {
-    format!("the file has no header; {}", header::hint(&vec![Role::Ignored; names.len()], sensors))
+    format!("the file has no header; {}", header::headless(names, sensors))
 }
 
 #[cfg(test)]
@@ -301,6 +305,8 @@ mod tests {
             )
         );
         assert!(error(Some("t_s,r0,banana"), None, 1).contains("\"banana\" is no column"));
+        let headless = error(None, Some("DATA,0.1,0,0,1.2,inf,x"), 2);
+        assert!(headless.ends_with("type --columns -,t_s,left_ticks,right_ticks,r0-r1,-"), "{headless}");
         for (twice, name) in
             [("t_s,r0,r1,r0", "r0"), ("t_s,r0-r2,r1", "r1"), ("t_s=a,T_S=b,r0=c", "t_s"), ("t_s=a,r0=a", "a")]
         {

@@ -75,8 +75,7 @@ pub(super) fn check(
         if as_counts_m < HARDLY_M && total >= MIN_GROWTH {
             return error(format!(
                 "the encoders' columns have fractions such as {example} and grow by {:.1} in all: as counts the wheels would have rolled {:.0} mm; \
-                 are they metres, turns, radians or degrees of the wheels? --ticks metres, turns, radians or degrees; if they are counts: --ticks \
-                 counts or deltas",
+                 are they metres, turns, radians or degrees of the wheels? --ticks metres, turns, radians or degrees (speeds must be summed up first); if they are counts: --ticks counts or deltas",
                 0.5 * total,
                 1e3 * as_counts_m
             ));

@@ -100,6 +100,11 @@ impl Found<'_> {
         if exact.len() == 1 {
             columns = exact;
         }
+        // A date alone is the same in all rows.
+        let is_date = |column: &usize| self.name(*column).eq_ignore_ascii_case("date");
+        if columns.len() == 2 && columns.iter().filter(|column| is_date(column)).count() == 1 {
+            columns.retain(|column| !is_date(column));
+        }
         let first = columns.first().copied();
         match first {
             Some(column) => self.set(column, role),
@@ -200,8 +205,26 @@ pub(super) fn list(roles: &[Role]) -> String {
     items.join(",")
 }
 
+/// An option to type for a file without a header, whose first row has these fields.
+pub(super) fn headless(fields: &[String], sensors: usize) -> String {
+    let numbers: Vec<usize> = (0..fields.len())
+        .filter(|column| fields.get(*column).is_some_and(|field| field.is_empty() || field.parse::<f64>().is_ok()))
+        .collect();
+    let needed = [Role::Time, Role::Ticks(0), Role::Ticks(1)].into_iter().chain((0..sensors).map(Role::Range));
+    let mut roles = vec![Role::Ignored; fields.len()];
+    if numbers.len() < sensors + 3 {
+        return hint(&roles, sensors);
+    }
+    for (column, role) in numbers.into_iter().zip(needed) {
+        if let Some(cell) = roles.get_mut(column) {
+            *cell = role;
+        }
+    }
+    hint(&roles, sensors)
+}
+
 /// An option to type: what is known of the columns, and in the places of unknown ones what is missing, in order.
-pub(super) fn hint(roles: &[Role], sensors: usize) -> String {
+fn hint(roles: &[Role], sensors: usize) -> String {
     let all = [Role::Time, Role::Ticks(0), Role::Ticks(1)].into_iter().chain((0..sensors).map(Role::Range));
     let mut missing = all.filter(|role| !roles.contains(role)).collect::<Vec<_>>().into_iter();
     let filled: Vec<Role> = roles
@@ -235,6 +258,7 @@ mod tests {
             ("micros,rticks,lticks,d1,d0", "t_s,right_ticks,left_ticks,r1,r0", us, None),
             ("id,Time [ms],Left Encoder,Right Encoder,S1,S2,battery", "-,t_s,left_ticks,right_ticks,r0-r1,-", ms, None),
             ("timestamp_ms,enc_left,enc_right,range_0_cm,range_1_cm", "t_s,left_ticks,right_ticks,r0-r1", ms, cm),
+            ("date,time,encL,encR,d0,d1", "-,t_s,left_ticks,right_ticks,r0-r1", None, None),
             ("t,left,right,d0,d1,yaw", "t_s,left_ticks,right_ticks,r0-r1,-", None, None),
             (
                 "seq,t_s,left_ticks,right_ticks,r0,r1",
@@ -268,7 +292,7 @@ mod tests {
     #[test]
     fn what_is_not_clear_is_refused_with_the_option_to_type() {
         for (header, problem) in [
-            ("date,time,encL,encR,d0,d1", "both `date` and `time` may be the time"),
+            ("time,millis,encL,encR,d0,d1", "both `time` and `millis` may be the time"),
             ("time,encL,encR,d0,d1,s0,s1", "both `d0`, ... and `s0`, ... may be the ranges"),
             ("time,encL,encR,d0,d1,d2", "the header has 3 ranges (`d0` to `d2`), the configured ring has 2 sensors"),
         ] {

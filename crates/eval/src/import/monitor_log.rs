@@ -56,6 +56,22 @@ pub(super) fn without(text: &str, has_time: impl Fn(&str) -> bool) -> Option<(St
     Some((out, said))
 }
 
+/// The text without the brackets around each row, as `print` writes lists and tuples. None if the rows have none.
+pub(super) fn unwrapped(text: &str) -> Option<String> {
+    let inner = |line: &str| -> Option<String> {
+        let line = line.trim().trim_end_matches(',');
+        let inner = line.strip_prefix('[').and_then(|line| line.strip_suffix(']'));
+        let inner = inner.or_else(|| line.strip_prefix('(').and_then(|line| line.strip_suffix(')')))?;
+        (!inner.contains(['[', '('])).then(|| inner.to_owned())
+    };
+    let lines = || text.lines().filter(|line| !line.trim().is_empty()).take(PROBE);
+    let with = lines().filter(|line| inner(line).is_some()).count();
+    if with == 0 || (with as f64) < MIN_SHARE * lines().count() as f64 {
+        return None;
+    }
+    Some(text.lines().map(|line| inner(line).unwrap_or_else(|| line.to_owned()) + "\n").collect())
+}
+
 /// A table of rows whose cells have labels, as for a serial plotter: `t:0.1,left:5,s0:1.2`. It has a
 /// line of names more than the text. None if the rows are others.
 pub(super) fn labelled(text: &str) -> Option<String> {
@@ -133,5 +149,11 @@ mod tests {
         for text in ["t_s,l,r\n1,2,3\n", "12:00:01,5,6\n", "", "a:1,b:2\n"] {
             assert_eq!(labelled(text), None, "{text:?}");
         }
+    }
+
+    #[test]
+    fn brackets_around_rows_are_left_out() {
+        assert_eq!(unwrapped("[0.1, 5, 6]\n(0.2, 7, 8)").as_deref(), Some("0.1, 5, 6\n0.2, 7, 8\n"));
+        assert_eq!((unwrapped("t_s,l\n[1],2\n"), unwrapped("[[1, 2]]\n")), (None, None));
     }
 }

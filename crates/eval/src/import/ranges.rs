@@ -209,14 +209,18 @@ impl Readings {
         );
         let share = within as f64 / all as f64;
         if share < MIN_WITHIN || (share < MIN_WITHIN_OTHER && guess.is_some()) {
-            let few = if within == 0 { "no reading".into() } else { format!("only {within} readings") };
+            let few = match within {
+                0 => format!("no reading of {all} lies"),
+                1 => format!("only 1 reading of {all} lies"),
+                _ => format!("only {within} readings of {all} lie"),
+            };
             let limits = if beyond > 0 {
                 let smallest = self.values.iter().copied().fold(f64::INFINITY, f64::min);
                 format!("ring.max_range_m = {max_range_m}; smallest is {smallest}")
             } else {
-                format!("ring.min_range_m = {min_range_m}; greatest is {}", self.greatest)
+                format!("ring.min_range_m = {min_range_m}; greatest is {}", (self.greatest * 1e6).round() / 1e6)
             };
-            let problem = format!("{few} of {all} lies within {limits}: {question}");
+            let problem = format!("{few} within {limits}: {question}");
             return Err(ImportError::Problem { file: file.into(), problem });
         }
         // A value far beyond the range, always the same, is a driver's word for "no echo".

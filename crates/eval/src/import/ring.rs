@@ -4,7 +4,7 @@
 //! units and further habits are read as they are found, or as [`Options`] name them; a recording of which hardly a reading lies within
 //! the ring's range is refused, because it is in another unit.
 //!
-//! An encoder without any count stands at 0. Single missing counts are interpolated (`rows.rs`). Where rows hold only the sensors
+//! An encoder without a column stands at 0. Single missing counts are interpolated (`rows.rs`). Where rows hold only the sensors
 //! that have just answered, the others empty, `nan`, 0 or negative, the rows of a cycle become one sweep, each with its own time and
 //! counts.
 
@@ -48,6 +48,10 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
     if let Some((without, said)) = monitor_log::without(&text.text, has_time) {
         text.text = without;
         text.remarks.push(said.into());
+    }
+    if let Some(rows) = monitor_log::unwrapped(&text.text) {
+        text.text = rows;
+        text.remarks.push("the brackets around each row are left out".into());
     }
     let labelled = monitor_log::labelled(&text.text);
     let is_labelled = labelled.is_some();
@@ -167,7 +171,7 @@ const TIMES_OF_DAY: &str = "times of day";
 /// True for lines that are objects of JSON, or a list of them.
 fn is_json(text: &str) -> bool {
     let start: String = text.chars().filter(|character| !character.is_whitespace()).take(2).collect();
-    start == "{\"" || start == "[{" || start == "[["
+    start == "{\"" || start == "{'" || start == "[{" || start == "[["
 }
 
 /// Takes the units of a row below the header, such as `ms,,,cm,cm`.
@@ -353,7 +357,7 @@ fn row(
     Ok((row, ticks))
 }
 
-const STAMP: &str = "seconds, or a date and time such as 2026-05-01T12:00:00.5Z";
+const STAMP: &str = "seconds, or a date and time such as 2026-05-01T12:00:00.5Z, with 24 hours";
 const AMBIGUOUS_DATE: &str = "a date that begins with its year: of 07/04/2024 nobody knows whether it is in April or July; export the column as \
                               2024-07-04 13:00:00, with 24 hours";
 const TICKS: &str = "a number of encoder ticks, or nothing";
@@ -367,7 +371,7 @@ fn check_negative(rows: &[Row], options: &Options, roles: &[Role], file: &str) -
         if let Some(sensor) = negative {
             let found = row.readings.get(sensor).map(ToString::to_string).unwrap_or_default();
             let column = roles.iter().position(|role| *role == Role::Range(sensor)).unwrap_or_default();
-            let expected = format!("{READING}; where it means no echo: --no-echo {found}");
+            let expected = format!("{READING}; where it means no echo: {}", cells::no_echo(&found));
             return Err(SourceLine { file, number: row.line }.error(&found, column, &expected));
         }
     }

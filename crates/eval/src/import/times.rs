@@ -64,6 +64,8 @@ const MAX_STEP_S: f64 = 20.0;
 const LONG_STEP_S: f64 = 5.0;
 /// Rows are farther apart, seconds: an echo from 0.2 m takes longer.
 const MIN_STEP_S: f64 = 1e-3;
+/// Days since 1900 from 2009 to 2064, as spreadsheets store dates.
+const SPREADSHEET_DAYS: std::ops::Range<f64> = 40_000.0..60_000.0;
 /// Boards that write a cycle's rows at once make a pause after it: at least this share of the steps.
 const MIN_PAUSES: f64 = 0.01;
 
@@ -96,6 +98,11 @@ pub(super) fn check(rows: &[Row], unit: Option<TimeUnit>, file: &str) -> Result<
         |unit| format!("line {line}: with --time-unit {} ", unit.words().get(1).unwrap_or(&"")),
     );
     if is_too_short(rows) {
+        if unit.is_none() && SPREADSHEET_DAYS.contains(&first.t_s) && SPREADSHEET_DAYS.contains(&(first.t_s + step_s)) {
+            return error(format!(
+                "{at}the stamps are a spreadsheet's days since 1900: give the column the format yyyy-mm-dd hh:mm:ss.000 before the export"
+            ));
+        }
         let step_ms = 1e3 * step_s;
         let digits = decimals(step_ms);
         return error(question(&format!("{at}rows are {step_ms:.digits$} ms apart")));
@@ -207,6 +214,14 @@ mod tests {
             assert!(error.starts_with(&format!("a.csv: line 2: all 100 rows have {words}, so")), "{error}");
             assert_eq!(check(&still[..1], None, "a.csv").unwrap(), None);
         }
+    }
+
+    #[test]
+    fn days_of_a_spreadsheet_are_named() {
+        let mut days = rows(0.1 / 86_400.0, None);
+        days.iter_mut().for_each(|row| row.t_s += 46_143.5);
+        let error = check(&days, None, "a.csv").unwrap_err().to_string();
+        assert!(error.starts_with("a.csv: line 3: the stamps are a spreadsheet's days since 1900: give"), "{error}");
     }
 
     #[test]
