@@ -62,9 +62,9 @@ fn millis(tenths: u32) -> String {
     (100 * tenths).to_string()
 }
 
-/// Ranges with the fewest digits, in a unit of so many millimetres.
+/// Ranges in a unit of so many millimetres.
 fn scaled(mm: f64, unit_mm: f64) -> String {
-    if mm.is_finite() { format!("{:.5}", mm / unit_mm) } else { "inf".into() }
+    if mm.is_finite() { format!("{:.9}", mm / unit_mm) } else { "inf".into() }
 }
 
 /// Exit code, standard error and the capture of the table `text`.
@@ -226,8 +226,8 @@ fn feet_are_refused_and_read_as_told() {
 fn values_that_may_mean_no_echo_are_asked_about_and_read_as_told() {
     for (word, said) in [
         (
-            "2.2",
-            "are 2.2, many more than of any value near it, and are taken as ranges; where 2.2 means no echo: --no-echo 2.2",
+            "2.203",
+            "are 2.203, many more than of any value near it, and are taken as ranges; where 2.203 means no echo: --no-echo 2.203",
         ),
         ("", "are empty or nan, taken as no measurement; where they mean no echo: --no-echo empty"),
         ("nan", "are empty or nan, taken as no measurement; where they mean no echo: --no-echo empty --no-echo nan"),
@@ -239,7 +239,7 @@ fn values_that_may_mean_no_echo_are_asked_about_and_read_as_told() {
     }
     for word in ["OUT OF RANGE", ">3.0", "-inf"] {
         let text = PLAIN.table(HEADER).replace("inf", word);
-        assert_refused(&text, &[], "where it means no echo: --no-echo ");
+        assert_refused(&text, &[], "where it means no echo: --no-echo");
         assert_plain(&text, &[&format!("--no-echo={word}")], "");
     }
 }
