@@ -1,13 +1,14 @@
 //! Cells of ranges as recordings have them: numbers, also with their unit, and texts that mean "no echo".
 
 use super::ranges::RangeUnit;
+use super::rows::{Filler, Row};
 use super::{ImportError, SourceLine};
 
 /// Longer texts are no marks.
 const MAX_WORD: usize = 24;
 pub(super) const READING: &str = "metres, at least 0, `inf` for no echo, or nothing or `nan` for no measurement";
 /// The word of `--no-echo` for cells without anything.
-pub(super) const EMPTY: &str = "empty";
+const EMPTY: &str = "empty";
 
 /// How cells of ranges are read, and what was met in them.
 #[derive(Clone, Debug, Default)]
@@ -84,6 +85,32 @@ fn is_mark(cell: &str) -> bool {
     let is_beyond = cell.starts_with('>') && cell.trim_start_matches(['>', '=', ' ']).parse::<f64>().is_ok();
     let is_text = !has_digit && cell.chars().all(|c| c.is_alphabetic() || "_-/ .*!?<>()".contains(c));
     !cell.is_empty() && cell.len() <= MAX_WORD && (is_text || is_beyond)
+}
+
+/// From this share of missing readings on it is asked what they mean.
+const MAX_MISSING: f64 = 0.01;
+
+/// Asks what empty cells mean, where rows are nearly full: there they are no sensors that have not fired yet.
+pub(super) fn missing(rows: &[Row]) -> Option<String> {
+    let mut seen = vec![0_u64; rows.first()?.readings.len()];
+    let with_readings = || rows.iter().filter(|row| row.readings.iter().any(|reading| !reading.is_nan()));
+    for row in with_readings() {
+        seen.iter_mut().zip(&row.readings).for_each(|(seen, reading)| *seen += u64::from(!reading.is_nan()));
+    }
+    let count = with_readings().count() as u64;
+    // A sensor that never measures is not there.
+    let (missing, cells) = seen
+        .iter()
+        .filter(|seen| **seen > 0)
+        .fold((0, 0), |(missing, cells), seen| (missing + count - seen, cells + count));
+    if (missing as f64) < MAX_MISSING * cells as f64 || missing == 0 || Filler::find(rows).is_some() {
+        return None;
+    }
+    let percent = 100.0 * missing as f64 / cells as f64;
+    Some(format!(
+        "{missing} cells of ranges ({percent:.0} %) are empty or nan, taken as no measurement; where they mean no echo: --no-echo {} --no-echo nan",
+        EMPTY
+    ))
 }
 
 #[cfg(test)]

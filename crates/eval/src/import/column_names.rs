@@ -183,7 +183,7 @@ pub(super) fn units(fields: &[String], roles: &[Role]) -> Option<(Option<TimeUni
     };
     let time = unit(Role::Time).and_then(|word| find(TIME_UNITS, &word));
     let range = unit(Role::Range(0))
-        .and_then(|word| find(RANGE_UNITS, &word).or((word == "us").then_some(RangeUnit::Microseconds)));
+        .and_then(|word| find(RANGE_UNITS, &word).or_else(|| (word == "us").then_some(RangeUnit::Microseconds)));
     (fields.iter().all(is_text) && (time.is_some() || range.is_some())).then_some((time, range))
 }
 

@@ -34,31 +34,8 @@ use std::io::Read;
 pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) -> Result<Drive, ImportError> {
     let sensors = config.ring.ring().ok_or(ImportError::Config("ring.circle or ring.sensors"))?.len();
     let ticks_per_turn = config.robot.ticks_per_turn.ok_or(ImportError::Config("robot.ticks_per_turn"))?;
-    let mut text = text::read(input, file)?;
-    if text::is_carmen(&text.text) {
-        let what = "a CARMEN log; `slamd import carmen` reads it";
-        return Err(ImportError::Foreign { file: file.into(), what });
-    }
-    if is_json(&text.text) {
-        let what = "a file of JSON; write a table with one line per row, for example with `jq -r '[.t_s, .left_ticks, ...] | @csv'`";
-        return Err(ImportError::Foreign { file: file.into(), what });
-    }
     let columns = options.columns.as_ref();
-    let has_time = |line: &str| columns.is_some() || table::is_header(line, T_S);
-    if let Some((without, said)) = monitor_log::without(&text.text, has_time) {
-        text.text = without;
-        text.remarks.push(said.into());
-    }
-    if let Some(rows) = monitor_log::unwrapped(&text.text) {
-        text.text = rows;
-        text.remarks.push("the brackets around each row are left out".into());
-    }
-    let labelled = monitor_log::labelled(&text.text);
-    let is_labelled = labelled.is_some();
-    if let Some(table) = labelled {
-        text.text = table;
-        text.remarks.push("the cells have labels, which are taken as the names of the columns".into());
-    }
+    let (text, is_labelled) = plain_text(input, file, columns.is_some())?;
     let first = columns.map_or(T_S, Columns::first);
     let mut table = Table::read(&text.text, first, columns.is_some_and(Columns::is_in_order));
     if is_labelled {
@@ -70,8 +47,8 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
     }
     let Layout { roles, time_unit, range_unit, said } = roles(columns, table.header.as_ref(), file, sensors)?;
     let mut options = options.clone();
-    options.time_unit = options.time_unit.or(time_unit.filter(|unit| *unit != times::TimeUnit::Seconds));
-    options.range_unit = options.range_unit.or(range_unit.filter(|unit| *unit != RangeUnit::Metres));
+    options.time_unit = options.time_unit.or_else(|| time_unit.filter(|unit| *unit != times::TimeUnit::Seconds));
+    options.range_unit = options.range_unit.or_else(|| range_unit.filter(|unit| *unit != RangeUnit::Metres));
     let mut found = Found {
         kind: "the ring CSV",
         is_whole: text.is_whole,
@@ -107,42 +84,98 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
         found.remarks.push(format!("line {line}: `{cell}`: ranges are read in the unit that stands with them"));
     }
     found.remarks.extend(tick_cells::hexadecimal(table.records(), &roles));
-    if let Some(kind) = dates_of(&table, &roles) {
-        if options.time_unit.is_some() {
+    times_of(&table, &roles, (&mut rows, &mut cells), options.time_unit, (file, &mut found))?;
+    check_negative(&rows, &options, &roles, file)?;
+    found.doubts.extend(cells::missing(&rows));
+    let metres_per_tick = TAU * config.robot.wheel_radius_m / f64::from(ticks_per_turn);
+    let wheels = Wheels { metres_per_tick, ticks_per_turn: f64::from(ticks_per_turn) };
+    found.doubts.extend(encoder_columns::check(&table, &roles, &cells, (wheels, options.counting), file)?);
+    count(&mut cells, wheels, (options.counting, config.robot.max_speed_m_s), (file, &mut found))?;
+    counts::fill(&mut rows, &cells);
+    Drive::new(rows, found, file, config, &options)
+}
+
+/// The text of a table without what loggers and programs put around its cells, and whether the names of the columns were labels in every row.
+/// `is_named` where the user has named the columns.
+fn plain_text(input: impl Read, file: &str, is_named: bool) -> Result<(text::Text, bool), ImportError> {
+    let mut text = text::read(input, file)?;
+    if text::is_carmen(&text.text) {
+        let what = "a CARMEN log; `slamd import carmen` reads it";
+        return Err(ImportError::Foreign { file: file.into(), what });
+    }
+    if is_json(&text.text) {
+        let what = "a file of JSON; write a table with one line per row, for example with `jq -r '[.t_s, .left_ticks, ...] | @csv'`";
+        return Err(ImportError::Foreign { file: file.into(), what });
+    }
+    let has_time = |line: &str| is_named || table::is_header(line, T_S);
+    if let Some((without, said)) = monitor_log::without(&text.text, has_time) {
+        text.text = without;
+        text.remarks.push(said.into());
+    }
+    if let Some(rows) = monitor_log::unwrapped(&text.text) {
+        text.text = rows;
+        text.remarks.push("the brackets around each row are left out".into());
+    }
+    let labelled = monitor_log::labelled(&text.text);
+    let is_labelled = labelled.is_some();
+    if let Some(table) = labelled {
+        text.text = table;
+        text.remarks.push("the cells have labels, which are taken as the names of the columns".into());
+    }
+    Ok((text, is_labelled))
+}
+
+/// Makes seconds of the stamps, which have this unit, and checks them.
+fn times_of(
+    table: &Table<'_>,
+    roles: &[Role],
+    (rows, cells): (&mut Vec<Row>, &mut Vec<Cells>),
+    unit: Option<times::TimeUnit>,
+    (file, found): (&str, &mut Found),
+) -> Result<(), ImportError> {
+    if let Some(kind) = dates_of(table, roles) {
+        if unit.is_some() {
             let problem = format!("the stamps are {kind}: leave out --time-unit");
             return Err(ImportError::Problem { file: file.into(), problem });
         }
         let zone = if kind == TIMES_OF_DAY { "" } else { ", taken as UTC where they name no offset" };
         found.remarks.push(format!("the stamps are {kind}{zone}"));
     }
-    let unit_s = options.time_unit.map_or(1.0, times::TimeUnit::seconds);
-    for (row, cells) in rows.iter_mut().zip(&mut cells) {
+    let unit_s = unit.map_or(1.0, times::TimeUnit::seconds);
+    for (row, cells) in rows.iter_mut().zip(cells) {
         row.t_s *= unit_s;
         cells.t_s = row.t_s;
     }
-    order::check(&rows, unit_s, file)?;
-    found.doubts.extend(order::numbers(&rows).filter(|_| options.time_unit.is_none()));
-    found.doubts.extend(times::check(&rows, options.time_unit, file)?);
-    found.remarks.extend(spread_equal(&mut rows));
-    check_negative(&rows, &options, &roles, file)?;
-    found.doubts.extend(missing_readings(&rows));
-    let metres_per_tick = TAU * config.robot.wheel_radius_m / f64::from(ticks_per_turn);
-    if options.counting.is_none() && counts::wraps_at_8_bits(&cells) {
+    order::check(rows, unit_s, file)?;
+    found.doubts.extend(order::numbers(rows).filter(|_| unit.is_none()));
+    found.doubts.extend(times::check(rows, unit, file)?);
+    found.remarks.extend(spread_equal(rows));
+    Ok(())
+}
+
+/// Makes counts of the encoders' cells, which are what the user says.
+fn count(
+    cells: &mut [Cells],
+    wheels: Wheels,
+    (told_counting, max_speed_m_s): (Option<Counting>, f64),
+    (file, found): (&str, &mut Found),
+) -> Result<(), ImportError> {
+    if told_counting.is_none() && counts::wraps_at_8_bits(cells) {
         let problem = "the ticks are those of counters of 8 bits: they wrap so often that nothing says how far a wheel turned; \
                        send counters of 16 or 32 bits, or, where they are ticks since the row before: --ticks deltas";
         return Err(ImportError::Problem { file: file.into(), problem: problem.into() });
     }
-    let wheels = Wheels { metres_per_tick, ticks_per_turn: f64::from(ticks_per_turn) };
-    found.doubts.extend(encoder_columns::check(&table, &roles, &cells, (wheels, options.counting), file)?);
-    if let Some(factor) = options.counting.and_then(|counting| counting.ticks(metres_per_tick, wheels.ticks_per_turn)) {
+    if let Some(factor) =
+        told_counting.and_then(|counting| counting.ticks(wheels.metres_per_tick, wheels.ticks_per_turn))
+    {
         let ticks = cells.iter_mut().flat_map(|cells| &mut cells.ticks);
         ticks.flatten().for_each(|ticks| *ticks *= factor);
     }
-    let counting = counts::find(&cells, metres_per_tick, config.robot.max_speed_m_s);
+    let counting = counts::find(cells, wheels.metres_per_tick, max_speed_m_s);
     // Metres may be those since the row before, too.
-    let told = options.counting.filter(|counting| matches!(counting, Counting::Counts | Counting::Deltas));
+    let told = told_counting.filter(|counting| matches!(counting, Counting::Counts | Counting::Deltas));
     if told.unwrap_or(counting) == Counting::Deltas {
-        counts::sum(&mut cells);
+        counts::sum(cells);
         found.is_deltas = true;
         if told.is_none() {
             found.remarks.push(
@@ -150,8 +183,7 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
             );
         }
     }
-    counts::fill(&mut rows, &cells);
-    Drive::new(rows, found, file, config, &options)
+    Ok(())
 }
 
 /// What the stamps are, where they are no numbers.
@@ -188,32 +220,6 @@ fn units_row(table: &mut Table<'_>, roles: &[Role], options: &mut Options, found
     options.time_unit = options.time_unit.or(time);
     options.range_unit = options.range_unit.or(range);
     found.remarks.push(format!("line {}: a row of units, taken as {}", record.line, said.join(" ")));
-}
-
-/// From this share of missing readings on it is asked what they mean.
-const MAX_MISSING: f64 = 0.01;
-
-/// Asks what empty cells mean, where rows are nearly full: there they are no sensors that have not fired yet.
-fn missing_readings(rows: &[Row]) -> Option<String> {
-    let mut seen = vec![0_u64; rows.first()?.readings.len()];
-    let with_readings = || rows.iter().filter(|row| row.readings.iter().any(|reading| !reading.is_nan()));
-    for row in with_readings() {
-        seen.iter_mut().zip(&row.readings).for_each(|(seen, reading)| *seen += u64::from(!reading.is_nan()));
-    }
-    let count = with_readings().count() as u64;
-    // A sensor that never measures is not there.
-    let (missing, cells) = seen
-        .iter()
-        .filter(|seen| **seen > 0)
-        .fold((0, 0), |(missing, cells), seen| (missing + count - seen, cells + count));
-    if (missing as f64) < MAX_MISSING * cells as f64 || missing == 0 || Filler::find(rows).is_some() {
-        return None;
-    }
-    let percent = 100.0 * missing as f64 / cells as f64;
-    Some(format!(
-        "{missing} cells of ranges ({percent:.0} %) are empty or nan, taken as no measurement; where they mean no echo: --no-echo {} --no-echo nan",
-        cells::EMPTY
-    ))
 }
 
 fn is_date(cell: &str) -> bool {
