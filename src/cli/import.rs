@@ -18,7 +18,7 @@ const EXAMPLES: &str = "Examples:
   slamd import bag rosbag2_2026_05_01/ --config robot.toml --capture drive.mcap
   slamd import carmen fr079.log.gz --config robot.toml --capture fr079.mcap
 
-Files may be gzipped or in UTF-16, with commas, semicolons, tabs or spaces, decimal points or commas, stamps in seconds or as dates. docs/cli.md has all that is read.";
+Files may be gzipped or in UTF-16, with commas, semicolons, tabs or spaces, decimal points or commas, stamps in seconds or as dates and times, and with usual names of columns such as millis, encL, sonar_1. docs/cli.md has all that is read.";
 
 /// Turn a recording into a capture that `replay` runs.
 #[derive(Debug, Args)]
@@ -50,7 +50,7 @@ struct Recording {
     capture: PathBuf,
     #[command(flatten)]
     force: ForceArg,
-    /// A reading that means "no echo", as it stands in the recording: a number, or a text in a ring CSV; may be repeated
+    /// A reading that means "no echo", as it stands in the recording: a number, or a text in a ring CSV, `empty` for cells without anything; may be repeated
     #[arg(long, value_name = "VALUE", allow_negative_numbers = true)]
     no_echo: Vec<String>,
     /// The run to import where a file has several, from 1
@@ -71,8 +71,9 @@ struct RingArgs {
     /// The unit of the stamps: s, ms, us or ns
     #[arg(long, value_name = "UNIT")]
     time_unit: Option<TimeUnit>,
-    /// Whether the encoders' cells are counts since the start or ticks since the row before [default: as found]
-    #[arg(long, value_name = "counts|deltas", value_parser = counting)]
+    /// What the encoders' cells hold: counts since the start, deltas since the row before [default: which of both is found out], or metres,
+    /// millimetres, turns, radians or degrees of the wheels since the start
+    #[arg(long, value_name = "WHAT")]
     ticks: Option<Counting>,
 }
 
@@ -83,14 +84,6 @@ struct CarmenArgs {
     /// The lines to use where a log has several kinds of ranges: sonar, robotlaser1 or flaser [default: the first]
     #[arg(long, value_name = "KIND")]
     scan: Option<Scan>,
-}
-
-fn counting(text: &str) -> Result<Counting, String> {
-    match text {
-        "counts" => Ok(Counting::Counts),
-        "deltas" => Ok(Counting::Deltas),
-        _ => Err("it must be counts or deltas".into()),
-    }
 }
 
 impl ImportArgs {

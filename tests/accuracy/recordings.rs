@@ -175,7 +175,7 @@ fn errors_name_file_line_column_and_what_is_expected() {
         (format!("{header}0,0,0,1,2,3,4\n"), "line 2, column 7: `4`: expected the end of the line"),
         (format!("{header}0,1.x,0,1,2,3\n"), "line 2, column 2: `1.x`: expected a number"),
         (format!("{header}inf,0,0,1,2,3\n"), "line 2, column 1: `inf`: expected seconds"),
-        ("t_s,left,right_ticks,r0,r1,r2\n".into(), "line 1, column 2: `left`: expected `left_ticks`"),
+        ("t_s,wheel,right_ticks,r0,r1,r2\n".into(), "line 1, column 2: `wheel`: expected `left_ticks`"),
         (header.into(), "small.csv: nothing to import"),
         (String::new(), "small.csv: nothing to import"),
     ];

@@ -179,7 +179,7 @@ fn damaged_lines_cost_no_more_than_themselves() {
             damaged(40, "ets Jun  8 2016 00:22:57\nrst:0x1"),
             "2 lines are no rows and left out; the first is line 40: `ets",
         ),
-        (plain.replacen("right_ticks", "right\0_ticks", 1), "1 zero bytes are left out, the first in line 1"),
+        (plain.replacen("right_ticks", "right\0_ticks", 1), "1 zero byte is left out, the first in line 1"),
         (plain.trim_end_matches("38\n").to_owned(), "its last value is shorter than the others: it is cut off"),
     ] {
         std::fs::write(folder.join("drive.csv"), text).unwrap();

@@ -5,6 +5,7 @@ mod disk_errors;
 mod failing_calls;
 mod full_disk;
 mod import_bag;
+mod import_habits;
 mod import_refusals;
 mod kill;
 mod links;

@@ -1,5 +1,6 @@
 //! What each column of a ring CSV holds.
 
+use super::header::{self, Layout};
 use super::table::Record;
 use super::{ImportError, SourceLine};
 use std::collections::BTreeSet;
@@ -162,7 +163,7 @@ pub(super) fn roles(
     header: Option<&Record>,
     file: &str,
     sensors: usize,
-) -> Result<Vec<Role>, ImportError> {
+) -> Result<Layout, ImportError> {
     let names: Vec<String> = header.map(|header| header.fields.clone()).unwrap_or_default();
     let line = SourceLine { file, number: header.map_or(1, |header| header.line) };
     let known = |name: &str| role(name).unwrap_or(Role::Ignored);
@@ -196,12 +197,12 @@ pub(super) fn roles(
                 sensors.saturating_sub(1)
             ),
         }),
-        (None, None) => Ok(roles),
+        (None, None) => Ok(Layout { roles, ..Layout::default() }),
     }
 }
 
-/// The columns of the header that a ring CSV has.
-fn of_header(line: SourceLine<'_>, names: &[String], sensors: usize) -> Result<Vec<Role>, ImportError> {
+/// The columns of the header that a ring CSV has, or of one with usual names.
+fn of_header(line: SourceLine<'_>, names: &[String], sensors: usize) -> Result<Layout, ImportError> {
     let wanted = LEADING.iter().map(ToString::to_string).chain((0..sensors).map(|sensor| format!("r{sensor}")));
     let mut roles = Vec::with_capacity(LEADING.len() + sensors);
     // A header of fewer or more sensors than the ring has is that of another robot.
@@ -221,24 +222,35 @@ fn of_header(line: SourceLine<'_>, names: &[String], sensors: usize) -> Result<V
         );
         return Err(ImportError::Problem { file: line.file.into(), problem });
     }
-    for (column, name) in wanted.enumerate() {
+    let other = wanted.enumerate().find_map(|(column, name)| {
         let field = names.get(column).map(String::as_str).unwrap_or_default();
-        if !field.eq_ignore_ascii_case(&name) {
-            let expected = format!(
-                "`{name}` (the header of {sensors} sensors: t_s,left_ticks,right_ticks,r0,r1,...; --columns names the columns of another)"
-            );
-            return Err(line.error(field, column, &expected));
+        if field.eq_ignore_ascii_case(&name) {
+            roles.push(role(&name).unwrap_or(Role::Ignored));
+            return None;
         }
-        roles.push(role(&name).unwrap_or(Role::Ignored));
+        Some((column, field, name))
+    });
+    let is_more = names.iter().skip(roles.len()).any(|name| !name.is_empty());
+    if other.is_none() && !is_more {
+        return Ok(Layout { roles, ..Layout::default() });
     }
-    match names.get(roles.len()) {
-        Some(field) if !field.is_empty() => {
-            let expected =
-                format!("the end of the line: the ring has {sensors} sensors; --columns names further columns");
-            Err(line.error(field, roles.len(), &expected))
-        }
-        _ => Ok(roles),
-    }
+    header::guess(names, sensors).map_err(|hint| {
+        let hint = if is_headless(names) { headless(names, sensors) } else { hint };
+        let (column, field, expected) = other.unwrap_or_else(|| {
+            (roles.len(), names.get(roles.len()).map_or("", String::as_str), "the end of the line".into())
+        });
+        let header = "t_s,left_ticks,right_ticks,r0,r1,...";
+        line.error(field, column, &format!("`{expected}` (the header of {sensors} sensors: {header}): {hint}"))
+    })
+}
+
+/// True if most fields of a first line are numbers.
+fn is_headless(names: &[String]) -> bool {
+    2 * names.iter().filter(|name| name.parse::<f64>().is_ok()).count() > names.len()
+}
+
+fn headless(names: &[String], sensors: usize) -> String {
+    format!("the file has no header; {}", header::headless(names, sensors))
 }
 
 #[cfg(test)]
@@ -248,7 +260,9 @@ mod tests {
     fn of(spec: Option<&str>, header: Option<&str>, sensors: usize) -> Result<Vec<Role>, String> {
         let columns = spec.map(|spec| spec.parse::<Columns>()).transpose()?;
         let header = header.map(|header| Record::new(1, header.split(',').map(str::to_owned).collect()));
-        roles(columns.as_ref(), header.as_ref(), "a.csv", sensors).map_err(|error| error.to_string())
+        roles(columns.as_ref(), header.as_ref(), "a.csv", sensors)
+            .map(|layout| layout.roles)
+            .map_err(|error| error.to_string())
     }
 
     #[test]
@@ -261,6 +275,10 @@ mod tests {
         assert_eq!(
             of(Some("t_s=time,r0=front"), Some("front,x,r1,time"), 2),
             Ok(vec![Range(0), Ignored, Range(1), Time])
+        );
+        assert_eq!(
+            of(None, Some("t_s,left_ticks,right_ticks,r0,x"), 1),
+            Ok(vec![Time, Ticks(0), Ticks(1), Range(0), Ignored])
         );
         assert_eq!(of(Some("-,r0,t_s"), None, 1), Ok(vec![Ignored, Range(0), Time]));
         assert_eq!(
@@ -278,8 +296,17 @@ mod tests {
         assert!(
             error(None, Some("t_s,left_ticks,right_ticks,r0,r1"), 1).contains("the header has 2 sensors (r0 to r1)")
         );
-        assert!(error(None, Some("t_s,left_ticks,right_ticks,r0,x"), 1).contains("column 5: `x`: expected the end"));
+        let error_of_two = error(None, Some("t_s,left_ticks,right_ticks,r0,r0"), 1);
+        assert!(error_of_two.contains("column 5: `r0`: expected `the end of the line`"), "{error_of_two}");
+        let headless = error(None, Some("0.1,0,0,1.2,1.3"), 2);
+        assert!(
+            headless.contains(
+                "no header; if its columns are in this order, type --columns t_s,left_ticks,right_ticks,r0-r1"
+            )
+        );
         assert!(error(Some("t_s,r0,banana"), None, 1).contains("\"banana\" is no column"));
+        let headless = error(None, Some("DATA,0.1,0,0,1.2,inf,x"), 2);
+        assert!(headless.ends_with("type --columns -,t_s,left_ticks,right_ticks,r0-r1,-"), "{headless}");
         for (twice, name) in
             [("t_s,r0,r1,r0", "r0"), ("t_s,r0-r2,r1", "r1"), ("t_s=a,T_S=b,r0=c", "t_s"), ("t_s=a,r0=a", "a")]
         {

@@ -1,6 +1,8 @@
 //! Encoder cells as recordings have them: whole numbers of 32 or 64 bits, decimal fractions, or ticks since the row before.
 
 use super::rows::Row;
+use std::f64::consts::TAU;
+use std::str::FromStr;
 
 /// How a recording counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -9,6 +11,49 @@ pub enum Counting {
     Counts,
     /// Ticks since the row before.
     Deltas,
+    /// Metres that a wheel has rolled since the start.
+    Metres,
+    /// The same in millimetres.
+    Millimetres,
+    /// Turns of a wheel since the start.
+    Turns,
+    /// The same in radians.
+    Radians,
+    /// The same in degrees.
+    Degrees,
+}
+
+impl Counting {
+    /// How many ticks one of a cell's is; none if cells are ticks.
+    pub(super) const fn ticks(self, metres_per_tick: f64, ticks_per_turn: f64) -> Option<f64> {
+        match self {
+            Self::Counts | Self::Deltas => None,
+            Self::Metres => Some(1.0 / metres_per_tick),
+            Self::Millimetres => Some(1e-3 / metres_per_tick),
+            Self::Turns => Some(ticks_per_turn),
+            Self::Radians => Some(ticks_per_turn / TAU),
+            Self::Degrees => Some(ticks_per_turn / 360.0),
+        }
+    }
+}
+
+impl FromStr for Counting {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "counts" => Ok(Self::Counts),
+            "deltas" => Ok(Self::Deltas),
+            "metres" | "m" => Ok(Self::Metres),
+            "millimetres" | "mm" => Ok(Self::Millimetres),
+            "turns" => Ok(Self::Turns),
+            "radians" | "rad" => Ok(Self::Radians),
+            "degrees" | "deg" => Ok(Self::Degrees),
+            _ => {
+                Err("it must be counts or deltas, or metres, millimetres, turns, radians or degrees of a wheel".into())
+            }
+        }
+    }
 }
 
 /// A row's cells, and its time.

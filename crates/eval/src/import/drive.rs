@@ -72,7 +72,7 @@ impl Drive {
         for row in &rows {
             row.readings.iter().enumerate().for_each(|(sensor, reading)| readings.add(sensor, *reading));
         }
-        doubts.extend(readings.check(file)?);
+        doubts.extend(readings.check(file, options.range_unit.is_some() || !collects)?);
         let clipped = readings.clipped(sensors);
         let stamps = stamps::repair(&mut rows, wheel, options.run)
             .map_err(|problem| ImportError::Problem { file: file.into(), problem })?;
@@ -83,6 +83,7 @@ impl Drive {
         let ends = filler.map(|filler| rows::cycle_ends(&rows, filler));
         let max_range_m = config.ring.max_range_m;
         let nothing_from_m = clipped.as_ref().map_or(max_range_m, |(from_m, _)| from_m.min(max_range_m)) - ROUNDING_M;
+        doubts.extend(readings.pile(nothing_from_m, sensors));
         remarks.extend(clipped.map(|(_, sentence)| sentence));
         let summary = Summary {
             skipped,

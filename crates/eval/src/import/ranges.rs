@@ -1,6 +1,7 @@
 //! Ranges as recordings have them: their unit, and their values for "no echo". Readings that the ring cannot have had are doubted.
 
 use super::ImportError;
+use super::pile::Values;
 use super::rows::Row;
 use slamd_core::Config;
 use std::collections::BTreeMap;
@@ -44,8 +45,14 @@ impl RangeUnit {
         }
     }
 
+    /// Its word on the command line.
+    pub(super) const fn word(self) -> &'static str {
+        let [_, word] = self.words();
+        word
+    }
+
     /// How many metres it is.
-    fn metres(self, sound_m_s: f64) -> f64 {
+    pub(super) fn metres(self, sound_m_s: f64) -> f64 {
         match self {
             Metres => 1.0,
             Feet => 0.3048,
@@ -85,6 +92,10 @@ const MIN_WITHIN_OTHER: f64 = 0.05;
 const FITS: f64 = 0.9;
 /// From this share of readings beyond the ring's range on, a recording is doubtful.
 const MAX_BEYOND: f64 = 0.1;
+/// From this share on it is refused, where another unit fits.
+const MAX_BEYOND_OTHER: f64 = 0.2;
+/// In a unit that fits, the greatest reading is at least this share of the ring's greatest range.
+const LIKELY: f64 = 0.6;
 /// From this share of zeros on it is asked what they mean.
 const MAX_ZEROS: f64 = 0.01;
 /// Echoes may be this much farther than configured.
@@ -108,13 +119,15 @@ pub(super) struct Readings {
     /// By sensor, how often it has the greatest reading so far.
     at_greatest: BTreeMap<usize, u64>,
     greatest: f64,
+    by_value: Values,
 }
 
 impl Readings {
     pub(super) fn new(config: &Config, unit: RangeUnit, sound_m_s: f64) -> Self {
         let (min_range_m, max_range_m) = (config.ring.min_range_m, config.ring.max_range_m);
         let (values, at_greatest) = (Vec::new(), BTreeMap::new());
-        Self { min_range_m, max_range_m, sound_m_s, unit, values, zeros: 0, at_greatest, greatest: 0.0 }
+        let by_value = Values::default();
+        Self { min_range_m, max_range_m, sound_m_s, unit, values, zeros: 0, at_greatest, greatest: 0.0, by_value }
     }
 
     /// Takes a reading. Infinity is no echo, NaN no measurement.
@@ -124,6 +137,7 @@ impl Readings {
             return;
         }
         self.values.push(reading);
+        self.by_value.add(sensor, reading);
         if reading > self.greatest {
             self.at_greatest.clear();
             self.greatest = reading;
@@ -152,11 +166,24 @@ impl Readings {
         })
     }
 
-    /// What is doubtful of the readings, one sentence each.
+    /// Asks about a value at which readings pile up, below the one from which on nothing is in range.
+    pub(super) fn pile(&self, nothing_from_m: f64, sensors: usize) -> Option<String> {
+        let pile = self.by_value.pile(sensors).filter(|pile| pile.value < nothing_from_m)?;
+        // As it stands in the recording.
+        let shown = (pile.value / self.unit.metres(self.sound_m_s) * 1e4).round() / 1e4;
+        let percent = 100.0 * pile.count as f64 / self.values.len() as f64;
+        Some(format!(
+            "{} readings ({percent:.0} %) of {} sensors are {shown}, many more than of any value near it, and are taken as ranges; where {shown} \
+             means no echo: --no-echo {shown}",
+            pile.count, pile.sensors
+        ))
+    }
+
+    /// What is doubtful of the readings, one sentence each. `is_unit_told` where the user has named the unit.
     ///
     /// # Errors
     /// If hardly any reading lies within the ring's range.
-    pub(super) fn check(&self, file: &str) -> Result<Vec<String>, ImportError> {
+    pub(super) fn check(&self, file: &str, is_unit_told: bool) -> Result<Vec<String>, ImportError> {
         let (min_range_m, max_range_m, all) = (self.min_range_m, self.max_range_m, self.values.len());
         let mut doubts = Vec::new();
         let (every, zeros) = (all as u64 + self.zeros, self.zeros);
@@ -182,20 +209,33 @@ impl Readings {
         );
         let share = within as f64 / all as f64;
         if share < MIN_WITHIN || (share < MIN_WITHIN_OTHER && guess.is_some()) {
-            let few = if within == 0 { "no reading".into() } else { format!("only {within} readings") };
+            let few = match within {
+                0 => format!("no reading of {all} lies"),
+                1 => format!("only 1 reading of {all} lies"),
+                _ => format!("only {within} readings of {all} lie"),
+            };
             let limits = if beyond > 0 {
                 let smallest = self.values.iter().copied().fold(f64::INFINITY, f64::min);
                 format!("ring.max_range_m = {max_range_m}; smallest is {smallest}")
             } else {
-                format!("ring.min_range_m = {min_range_m}; greatest is {}", self.greatest)
+                format!("ring.min_range_m = {min_range_m}; greatest is {}", (self.greatest * 1e6).round() / 1e6)
             };
-            let problem = format!("{few} of {all} lies within {limits}: {question}");
+            let problem = format!("{few} within {limits}: {question}");
             return Err(ImportError::Problem { file: file.into(), problem });
         }
         // A value far beyond the range, always the same, is a driver's word for "no echo".
         let is_word = self.at_greatest.values().sum::<u64>() as f64 >= 0.9 * beyond as f64;
         if beyond as f64 >= MAX_BEYOND * all as f64 && !is_word {
-            let is_likely = guess.is_some_and(|(_, greatest_m)| greatest_m > 0.9 * max_range_m);
+            let is_likely = guess.is_some_and(|(_, greatest_m)| greatest_m > LIKELY * max_range_m);
+            if is_likely && !is_unit_told && beyond as f64 >= MAX_BEYOND_OTHER * all as f64 {
+                let percent = 100.0 * beyond as f64 / all as f64;
+                let problem = format!(
+                    "{beyond} of {all} readings ({percent:.0} %) lie beyond ring.max_range_m = {max_range_m}; greatest is {}: {question}; where they \
+                     are metres: --range-unit m",
+                    self.greatest
+                );
+                return Err(ImportError::Problem { file: file.into(), problem });
+            }
             let hint = if is_likely { question } else { "is ring.max_range_m right?".into() };
             doubts.push(format!(
                 "{beyond} of {all} readings are beyond ring.max_range_m = {max_range_m} and count as no echo; greatest is {}: {hint}",
@@ -242,7 +282,7 @@ mod tests {
         let mut readings = Readings::new(&Config::default(), Metres, SOUND_M_S);
         (0..400u32).for_each(|k| readings.add(3, (0.6 + 2.35 * f64::from(k) / 399.0) * per_m));
         [f64::INFINITY, f64::NAN].iter().chain(further).for_each(|reading| readings.add(4, *reading));
-        readings.check("a.csv").map_err(|error| error.to_string())
+        readings.check("a.csv", false).map_err(|error| error.to_string())
     }
 
     fn verdict(per_m: f64) -> Result<Vec<String>, String> {
@@ -265,7 +305,8 @@ mod tests {
         }
         assert!(verdict(5831.0).unwrap_err().contains("microseconds"));
         assert!(verdict(0.001).unwrap_err().contains("ring.min_range_m"));
-        assert!(verdict(3.281).unwrap()[0].contains("feet?"));
+        let feet = verdict(3.281).unwrap_err();
+        assert!(feet.contains("feet? --range-unit ft; where they are metres: --range-unit m"), "{feet}");
         assert!(verdict(1.5).unwrap()[0].contains("is ring.max_range_m right?"));
         assert_eq!(verdict_with(1.0, &[9.99; 300]), Ok(vec![]), "a word for no echo");
     }
@@ -276,7 +317,7 @@ mod tests {
         assert_eq!(doubts, ["400 readings (50 %) are 0, taken as too close; where 0 means no echo: --no-echo 0"]);
         assert_eq!(verdict_with(1.0, &[0.0; 3]), Ok(vec![]));
         let readings = Readings::new(&Config::default(), Metres, SOUND_M_S);
-        assert!(readings.check("a.csv").unwrap()[0].contains("no sensor has measured"));
+        assert!(readings.check("a.csv", false).unwrap()[0].contains("no sensor has measured"));
     }
 
     #[test]

@@ -38,17 +38,30 @@ pub struct Summary {
 
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} rows of ranges over {:.1} s", self.rows, self.duration_s)?;
-        for (count, what) in [
-            (self.encoder_rows, "rows of encoders alone"),
-            (self.collected, "sweeps collected from them, because each holds a part of the ring"),
-            (self.filled_ticks, "missing encoder counts interpolated"),
-            (self.left_out, "rows without counts or without anything left out"),
-            (self.skipped, "lines of other kinds skipped"),
-            (self.clamped, "stamps that stepped back put 1 ms behind their predecessor"),
+        let plural = |count: u64, one: &str, many: &str| format!("{count} {}", if count == 1 { one } else { many });
+        write!(f, "{} over {:.1} s", plural(self.rows, "row of ranges", "rows of ranges"), self.duration_s)?;
+        for (count, one, many) in [
+            (self.encoder_rows, "row of encoders alone", "rows of encoders alone"),
+            (
+                self.collected,
+                "sweep collected from them, because each holds a part of the ring",
+                "sweeps collected from them, because each holds a part of the ring",
+            ),
+            (self.filled_ticks, "missing encoder count interpolated", "missing encoder counts interpolated"),
+            (
+                self.left_out,
+                "row without counts or without anything left out",
+                "rows without counts or without anything left out",
+            ),
+            (self.skipped, "line of another kind skipped", "lines of other kinds skipped"),
+            (
+                self.clamped,
+                "stamp that stepped back put 1 ms behind its predecessor",
+                "stamps that stepped back put 1 ms behind their predecessor",
+            ),
         ] {
             if count > 0 {
-                write!(f, "; {count} {what}")?;
+                write!(f, "; {}", plural(count, one, many))?;
             }
         }
         Ok(())

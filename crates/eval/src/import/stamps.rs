@@ -5,6 +5,7 @@
 
 use super::rows::Row;
 use super::sequence::typical_step_s;
+use super::times;
 
 /// What has been found, and the session's begin.
 #[derive(Debug, Default)]
@@ -220,11 +221,10 @@ impl Walk<'_> {
 
 /// A clock that steps in so many of the rows runs backwards, or the rows do.
 const REVERSED: f64 = 0.5;
-
 fn say_steps(steps: &[(usize, f64)], rows: usize, stamps: &mut Stamps) {
     if steps.len() <= MAX_REMARKS {
         let one = |(line, step_s): &(usize, f64)| {
-            format!("line {line}: the clock steps by {step_s:.2} s; the rows after it follow on")
+            format!("line {line}: {}; the rows after it follow on", times::step(*step_s))
         };
         stamps.remarks.extend(steps.iter().map(one));
     } else if let (Some((first, _)), Some((last, _))) = (steps.first(), steps.last()) {

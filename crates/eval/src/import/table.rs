@@ -1,5 +1,8 @@
 //! The lines of a CSV text: where its header is, what separates its fields, and whether its end is missing.
 
+use super::columns::T_S;
+use super::header;
+
 /// One line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Record {
@@ -47,9 +50,13 @@ impl<'a> Table<'a> {
     /// the header may be missing.
     pub(super) fn read(text: &'a str, first_column: &str, is_headless: bool) -> Self {
         let end = if text.contains('\n') { '\n' } else { '\r' };
-        let is_header =
+        let has_first =
             |line: &str| split(line, delimiter(line)).iter().any(|name| name.eq_ignore_ascii_case(first_column));
-        let is_row = |line: &str| !line.trim().is_empty() && (!line.starts_with('#') || is_header(uncommented(line)));
+        let head = || (1..).zip(text.split(end)).take(MAX_GARBAGE_LINES).map(|(_, line)| uncommented(line));
+        // Other names count where there is none of the right name.
+        let is_other = !is_headless && first_column == T_S && !head().any(has_first);
+        let is_header = |line: &str| if is_other { is_header(line, first_column) } else { has_first(line) };
+        let is_row = |line: &str| !line.trim().is_empty() && (!is_comment(line) || is_header(uncommented(line)));
         let lines = || (1..).zip(text.split(end)).filter(|(_, line): &(usize, &str)| is_row(line));
         let header = lines().take(MAX_GARBAGE_LINES).find(|(_, line)| is_header(uncommented(line)));
         let header = header.map(|(number, _)| number);
@@ -61,14 +68,27 @@ impl<'a> Table<'a> {
         let head = body().next().filter(|_| has_header);
         let header = head.map(|(line, text)| Record::new(line, split(uncommented(text), delimiter)));
         let rows = body().skip(usize::from(header.is_some()));
-        let lines = rows.filter(|(_, line)| !line.starts_with('#')).collect();
+        let lines = rows.filter(|(_, line)| !is_comment(line)).collect();
         Self { header, lines, delimiter, garbage, ends_with_line_feed: text.ends_with(end) }
     }
 }
 
+/// True for a line that names the columns, by our name of the first or by usual ones.
+pub(super) fn is_header(line: &str, first_column: &str) -> bool {
+    let names = split(line, delimiter(line));
+    names.iter().any(|name| name.eq_ignore_ascii_case(first_column)) || header::is_header(&names)
+}
+
+fn is_comment(line: &str) -> bool {
+    COMMENTS.iter().any(|mark| line.trim_start().starts_with(mark))
+}
+
+/// How comments begin.
+const COMMENTS: [&str; 4] = ["#", "//", "%", ";;"];
+
 /// A line without the mark of a comment before it.
 fn uncommented(line: &str) -> &str {
-    line.trim_start_matches(['#', ' '])
+    line.trim_start_matches(['#', '/', '%', ' '])
 }
 
 /// The fields of a line, without the quotes around them.

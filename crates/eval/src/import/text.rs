@@ -75,7 +75,8 @@ fn read_within(input: impl Read, file: &str, max_bytes: u64, max_lines: usize) -
         let line = 1 + read.text.bytes().take_while(|byte| *byte != 0).filter(|byte| *byte == b'\n').count();
         read.text.retain(|character| character != '\0');
         read.remarks.push(format!(
-            "{zeros} zero bytes are left out, the first in line {line}: the card or the line has lost data there"
+            "{} left out, the first in line {line}: the card or the line has lost data there",
+            if zeros == 1 { "1 zero byte is".into() } else { format!("{zeros} zero bytes are") }
         ));
     }
     let lines = |end: u8| read.text.bytes().filter(|byte| *byte == end).count();

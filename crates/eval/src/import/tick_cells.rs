@@ -6,8 +6,28 @@ use super::{ImportError, SourceLine};
 
 /// The count in a cell; none if it is no number. An unsigned counter of 64 bits has counts below 0 at its end.
 pub(super) fn count(cell: &str) -> Option<f64> {
+    if let Some(digits) = hex_digits(cell) {
+        return u64::from_str_radix(digits, 16).ok().map(|whole| whole.cast_signed() as f64);
+    }
     let whole = cell.parse::<i64>().ok().or_else(|| cell.parse::<u64>().ok().map(u64::cast_signed));
     whole.map(|whole| whole as f64).or_else(|| cell.parse().ok()).filter(|count: &f64| count.is_finite())
+}
+
+/// The digits of a number such as `0x1F`.
+fn hex_digits(cell: &str) -> Option<&str> {
+    cell.strip_prefix("0x").or_else(|| cell.strip_prefix("0X"))
+}
+
+/// Says that counts are hexadecimal, where they are.
+pub(super) fn hexadecimal(mut records: impl Iterator<Item = Record>, roles: &[Role]) -> Option<String> {
+    let is_hex =
+        |record: &Record, column: usize| record.fields.get(column).is_some_and(|cell| hex_digits(cell).is_some());
+    let found = |record: Record| {
+        let column = (0..roles.len())
+            .find(|column| matches!(roles.get(*column), Some(Role::Ticks(_))) && is_hex(&record, *column))?;
+        Some(format!("line {}: `{}`: ticks are read as hexadecimal numbers", record.line, record.fields.get(column)?))
+    };
+    records.find_map(found)
 }
 
 /// What the cells of one encoder look like.
@@ -132,6 +152,7 @@ mod tests {
         assert_eq!(count("4294966796"), Some(4_294_966_796.0));
         assert_eq!(count("12.5"), Some(12.5));
         assert_eq!(count("1e3"), Some(1000.0));
+        assert_eq!((count("0x1F"), count("0XFFFFFF9C"), count("0xZZ")), (Some(31.0), Some(4_294_967_196.0), None));
         assert!(["", "inf", "nan", "1.234.567", "x"].into_iter().all(|cell| count(cell).is_none()));
     }
 }

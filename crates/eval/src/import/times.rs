@@ -32,6 +32,12 @@ impl TimeUnit {
         }
     }
 
+    /// Its word on the command line.
+    pub(super) const fn word(self) -> &'static str {
+        let [_, word] = self.words();
+        word
+    }
+
     /// How many seconds it is.
     pub(super) const fn seconds(self) -> f64 {
         match self {
@@ -58,6 +64,8 @@ const MAX_STEP_S: f64 = 20.0;
 const LONG_STEP_S: f64 = 5.0;
 /// Rows are farther apart, seconds: an echo from 0.2 m takes longer.
 const MIN_STEP_S: f64 = 1e-3;
+/// Days since 1900 from 2009 to 2064, as spreadsheets store dates.
+const SPREADSHEET_DAYS: std::ops::Range<f64> = 40_000.0..60_000.0;
 /// Boards that write a cycle's rows at once make a pause after it: at least this share of the steps.
 const MIN_PAUSES: f64 = 0.01;
 
@@ -90,6 +98,11 @@ pub(super) fn check(rows: &[Row], unit: Option<TimeUnit>, file: &str) -> Result<
         |unit| format!("line {line}: with --time-unit {} ", unit.words().get(1).unwrap_or(&"")),
     );
     if is_too_short(rows) {
+        if unit.is_none() && SPREADSHEET_DAYS.contains(&first.t_s) && SPREADSHEET_DAYS.contains(&(first.t_s + step_s)) {
+            return error(format!(
+                "{at}the stamps are a spreadsheet's days since 1900: give the column the format yyyy-mm-dd hh:mm:ss.000 before the export"
+            ));
+        }
         let step_ms = 1e3 * step_s;
         let digits = decimals(step_ms);
         return error(question(&format!("{at}rows are {step_ms:.digits$} ms apart")));
@@ -99,6 +112,23 @@ pub(super) fn check(rows: &[Row], unit: Option<TimeUnit>, file: &str) -> Result<
     }
     let is_asked = step_s >= LONG_STEP_S && unit.is_none();
     Ok(is_asked.then(|| question(&format!("rows are {step_s:.0} s apart"))))
+}
+
+/// A step is a wrap if it differs by less: seconds, and a share of the wrap.
+const NEAR_WRAP_S: f64 = 2.0;
+const NEAR_WRAP: f64 = 0.005;
+/// Counters that wrap, seconds, and why.
+const WRAPS: [(f64, &str); 4] = [
+    (4_294_967.296, "millis() wraps after 2^32 ms (49.7 days)"),
+    (4_294.967_296, "micros() wraps after 2^32 us (71.6 minutes)"),
+    (65.536, "a counter of milliseconds of 16 bits wraps after 65.5 s"),
+    (86_400.0, "a time of day begins anew at midnight"),
+];
+
+/// Why a clock steps by so much.
+pub(super) fn step(step_s: f64) -> String {
+    let wrap = WRAPS.into_iter().find(|(wrap_s, _)| (step_s + wrap_s).abs() <= NEAR_WRAP_S.min(NEAR_WRAP * wrap_s));
+    wrap.map_or_else(|| format!("the clock steps by {step_s:.2} s"), |(_, why)| why.to_owned())
 }
 
 /// True if nearly all rows are closer than any two echoes.
@@ -184,5 +214,22 @@ mod tests {
             assert!(error.starts_with(&format!("a.csv: line 2: all 100 rows have {words}, so")), "{error}");
             assert_eq!(check(&still[..1], None, "a.csv").unwrap(), None);
         }
+    }
+
+    #[test]
+    fn days_of_a_spreadsheet_are_named() {
+        let mut days = rows(0.1 / 86_400.0, None);
+        days.iter_mut().for_each(|row| row.t_s += 46_143.5);
+        let error = check(&days, None, "a.csv").unwrap_err().to_string();
+        assert!(error.starts_with("a.csv: line 3: the stamps are a spreadsheet's days since 1900: give"), "{error}");
+    }
+
+    #[test]
+    fn counters_that_wrap_are_named() {
+        assert_eq!(step(-4_294_967.196), "millis() wraps after 2^32 ms (49.7 days)");
+        assert_eq!(step(-4_294.9), "micros() wraps after 2^32 us (71.6 minutes)");
+        assert_eq!(step(-86_399.9), "a time of day begins anew at midnight");
+        assert_eq!(step(-65.5), "a counter of milliseconds of 16 bits wraps after 65.5 s");
+        assert_eq!(step(-12.345), "the clock steps by -12.35 s");
     }
 }
