@@ -119,7 +119,14 @@ fn restarts() -> impl FnMut() -> Vec<u8> + Send {
     move || {
         boot_id += 1;
         let hello = Message::Hello(Hello { boot_id, ..hello() });
-        let silent = Sonar { t_us: 1_000 * boot_id, group: 0, last_of_cycle: true, left_ticks: 0, right_ticks: 0, echoes: <_>::default() };
+        let silent = Sonar {
+            t_us: 1_000 * boot_id,
+            group: 0,
+            last_of_cycle: true,
+            left_ticks: 0,
+            right_ticks: 0,
+            echoes: <_>::default(),
+        };
         [hello, Message::Sonar(silent)].iter().flat_map(|message| encoder.encode(message).to_vec()).collect()
     }
 }

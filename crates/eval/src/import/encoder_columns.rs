@@ -46,22 +46,31 @@ pub(super) fn check(
     let is_empty =
         |wheel: &usize| name(*wheel).is_some() && [&left, &right].get(*wheel).is_some_and(|counts| counts.is_empty());
     let empty: Vec<usize> = (0..2).filter(is_empty).collect();
+    let mut doubts = Vec::new();
     if !empty.is_empty() && cells.len() > 1 {
         let columns: Vec<String> = empty
             .iter()
             .filter_map(|wheel| name(*wheel))
             .map(|(column, name)| format!("column {column}, `{name}`"))
             .collect();
-        let roles = empty.iter().fold(roles.to_vec(), |roles, wheel| without(&roles, *wheel));
-        return error(format!(
-            "{} {} empty in all {} rows: export the counts; if the robot has no such encoder, leave the column out: --columns {}",
+        let is_one = empty.len() == 1;
+        let what = format!(
+            "{} {} empty in all {} rows",
             columns.join(" and "),
-            if empty.len() == 1 { "is" } else { "are" },
-            cells.len(),
-            super::header::list(&roles)
+            if is_one { "is" } else { "are" },
+            cells.len()
+        );
+        let roles = empty.iter().fold(roles.to_vec(), |roles, wheel| without(&roles, *wheel));
+        let left_out = format!("--columns {}", super::header::list(&roles));
+        if !is_one {
+            return error(format!(
+                "{what}: export the counts; if the robot has no encoders, leave the columns out: {left_out}"
+            ));
+        }
+        doubts.push(format!(
+            "{what}, taken as an encoder that never counts: export the counts; if the robot has no such encoder, leave the column out: {left_out}"
         ));
     }
-    let mut doubts = Vec::new();
     let growth = |counts: &[f64]| -> f64 {
         counts.windows(2).filter_map(|pair| Some((pair.last()? - pair.first()?).abs())).sum()
     };
@@ -147,11 +156,13 @@ mod tests {
     }
 
     #[test]
-    fn a_column_without_a_count_is_refused_and_one_that_stands_is_asked_about() {
+    fn columns_without_a_count_are_named() {
         assert_eq!(
-            checked(None, Some(150.0), None).unwrap_err(),
-            "a.csv: column 2, `left_ticks` is empty in all 200 rows: export the counts; if the robot has no such encoder, leave the column out: \
-             --columns t_s,-,right_ticks,r0"
+            checked(None, Some(150.0), None).unwrap(),
+            [
+                "column 2, `left_ticks` is empty in all 200 rows, taken as an encoder that never counts: export the counts; if the robot has no such \
+              encoder, leave the column out: --columns t_s,-,right_ticks,r0"
+            ]
         );
         let both = checked(None, None, None).unwrap_err();
         assert!(
