@@ -9,8 +9,7 @@ const MIN_FREE_BYTES: u64 = 200_000_000;
 /// The viewer version that reads slamd's recordings.
 const RERUN: &str = "0.36.";
 /// In an environment of its own: Debian and Raspberry Pi OS refuse a bare `pip install` (PEP 668).
-const RERUN_FIX: &str =
-    "to see the map live: `python3 -m venv ~/rerun && ~/rerun/bin/pip install rerun-sdk==0.36.3`, then `PATH=~/rerun/bin:$PATH`";
+const RERUN_FIX: &str = "to see the map live: `python3 -m venv ~/rerun && ~/rerun/bin/pip install rerun-sdk==0.36.3`, then `PATH=~/rerun/bin:$PATH`";
 /// An FTDI bridge that holds bytes for longer than this delays every answer, milliseconds.
 const MAX_LATENCY_MS: u32 = 2;
 
