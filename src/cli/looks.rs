@@ -6,9 +6,9 @@ use clap::Command;
 const EXAMPLES: &[(&str, &str)] = &[
     (
         "replay",
-        "  slamd replay drive.mcap                       map.png and more in slamd-out/
-  slamd replay drive.mcap --config robot.toml   not as it was recorded
-  slamd replay recordings/ -o maps              all captures of a folder
+        "  slamd replay drive.mcap                      map.png and more in slamd-out/
+  slamd replay drive.mcap --config robot.toml  not as it was recorded
+  slamd replay recordings/ -o maps             all captures of a folder
   slamd replay drive.mcap --json | jq .map_m2",
     ),
     (

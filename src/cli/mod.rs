@@ -44,7 +44,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "Examples:
-  slamd --port /dev/ttyUSB0                     map with a robot
+  slamd --port /dev/ttyUSB0                    map with a robot
   slamd replay replay/flat-paper-faults.mcap   no robot needed; to slamd-out/
   slamd replay recordings/ --out maps          all captures of a folder
   slamd export drive.mcap --mcap bag.mcap      for ROS 2 and Foxglove
