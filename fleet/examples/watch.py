@@ -1,4 +1,6 @@
-"""Who is there and where, from a hub of slamd-fleet on this machine. Needs: pip install eclipse-zenoh==1.10.2"""
+"""Who is there and where, from a hub of slamd-fleet on this machine.
+
+Needs: python3 -m venv ~/zenoh && ~/zenoh/bin/pip install eclipse-zenoh==1.10.2; then ~/zenoh/bin/python watch.py ..."""
 import json, sys, zenoh
 hub, site, poses = sys.argv[1], sys.argv[2], int(sys.argv[3]) if len(sys.argv) > 3 else sys.maxsize
 config = zenoh.Config.from_json5(json.dumps({

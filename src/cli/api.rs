@@ -14,14 +14,14 @@ use std::sync::Arc;
 #[derive(Debug, Args)]
 pub(super) struct ApiArgs {
     /// Serve JSON lines over TCP (docs/api.md); without an address on 127.0.0.1:9878. Addresses other than loopback need --token-file.
-    #[arg(long, value_name = "IP:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:9878")]
+    #[arg(long, value_name = "IP:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:9878", value_parser = address)]
     listen: Option<SocketAddr>,
     /// Serve JSON lines on a Unix socket that only this user can open; without a path on slamd.sock in XDG_RUNTIME_DIR.
     #[arg(long, value_name = "PATH")]
     socket: Option<Option<PathBuf>>,
     /// Serve /metrics for Prometheus and /healthz over HTTP; without an address on 127.0.0.1:9879. Addresses other than loopback need
     /// --token-file.
-    #[arg(long, value_name = "IP:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:9879")]
+    #[arg(long, value_name = "IP:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:9879", value_parser = address)]
     metrics: Option<SocketAddr>,
     /// TCP clients must send the token in the first line of this file.
     #[arg(long, value_name = "FILE")]
@@ -33,6 +33,11 @@ pub(super) struct ApiArgs {
     /// TCP clients that send the token in the first line of this file may drive, too.
     #[arg(long, value_name = "FILE", requires = "drive", requires = "listen")]
     drive_token_file: Option<PathBuf>,
+}
+
+/// Parses an address to listen at.
+fn address(text: &str) -> Result<SocketAddr, String> {
+    text.parse().map_err(|_| "it must be IP:PORT, for example 127.0.0.1:9878 or [::1]:9878".into())
 }
 
 /// The options' names, for commands that reject them.

@@ -17,11 +17,12 @@ use std::path::PathBuf;
 use std::rc::Rc;
 
 const EXAMPLES: &str = "Examples:
-  slamd export drive.mcap --mcap drive-ros2.mcap    for `ros2 bag play` and Foxglove
+  slamd export drive.mcap --mcap bag.mcap   for `ros2 bag play` and Foxglove
   slamd export drive.mcap --csv poses.csv --tum poses.tum
-  slamd export drive.mcap --svg plan.svg            the floor plan, to print it to scale
+  slamd export drive.mcap --svg plan.svg    a floor plan to print to scale
 
-docs/export.md has topics, frames, rates and units. Maps for map_server come from `slamd replay`.";
+docs/export.md has topics, frames, rates and units. Maps for map_server come
+from `slamd replay`.";
 
 /// Export a capture for other programs: as a ROS 2 bag, which Foxglove opens too, as a table of poses, or as a floor plan.
 #[derive(Debug, Args)]

@@ -13,12 +13,17 @@ use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "Examples:
   slamd import ring drive.csv --config robot.toml --capture drive.mcap
-  slamd import ring drive.csv --config robot.toml --capture drive.mcap --time-unit ms --range-unit cm --no-echo 0
-  slamd import ring log.csv --config robot.toml --capture drive.mcap --columns t_s=millis,left_ticks=encL,right_ticks=encR --time-unit ms
-  slamd import bag rosbag2_2026_05_01/ --config robot.toml --capture drive.mcap
+  slamd import ring drive.csv --config robot.toml --capture drive.mcap \\
+      --time-unit ms --range-unit cm --no-echo 0
+  slamd import ring log.csv --config robot.toml --capture drive.mcap \\
+      --columns t_s=millis,left_ticks=encL,right_ticks=encR --time-unit ms
+  slamd import bag rosbag2_drive/ --config robot.toml --capture drive.mcap
   slamd import carmen fr079.log.gz --config robot.toml --capture fr079.mcap
 
-Files may be gzipped or in UTF-16, with commas, semicolons, tabs or spaces, decimal points or commas, stamps in seconds or as dates and times, and with usual names of columns such as millis, encL, sonar_1. docs/cli.md has all that is read.";
+Files may be gzipped or in UTF-16, with commas, semicolons, tabs or spaces,
+decimal points or commas, stamps in seconds or as dates and times, and with
+usual names of columns such as millis, encL, sonar_1. docs/cli.md has all that
+is read.";
 
 /// Turn a recording into a capture that `replay` runs.
 #[derive(Debug, Args)]

@@ -6,33 +6,38 @@ use clap::Command;
 const EXAMPLES: &[(&str, &str)] = &[
     (
         "replay",
-        "  slamd replay drive.mcap                          map.png and more in slamd-out/
-  slamd replay drive.mcap --config robot.toml      with another configuration than the recorded one
-  slamd replay recordings/ -o maps                 all captures of a folder, on all cores, with a table
+        "  slamd replay drive.mcap                      map.png and more in slamd-out/
+  slamd replay drive.mcap --config robot.toml  not as it was recorded
+  slamd replay recordings/ -o maps             all captures of a folder
   slamd replay drive.mcap --json | jq .map_m2",
     ),
     (
         "simulate",
         "  slamd simulate --world flat --duration 120 --capture drive.mcap
-  slamd simulate --world random --seed 7 --sensors 8 --fault 3:stuck@20 --capture home.mcap
-  slamd simulate --pty board & slamd --port board           a board that is not there
-  slamd simulate --robot-fault wheels-swapped --robot-fault ticks=2 --pty board & slamd setup --port board",
+  slamd simulate --world random --seed 7 --sensors 8 --capture home.mcap
+  slamd simulate --fault 3:stuck@20 --fault 9:noisy@0 --capture faults.mcap
+  slamd simulate --pty board & slamd --port board    no board needed
+  slamd simulate --robot-fault wheels-swapped --robot-fault ticks=2 \\
+      --pty crossed & slamd setup --port crossed",
     ),
     (
         "import ring",
-        "  slamd import ring drive.csv --config robot.toml --capture drive.mcap && slamd replay drive.mcap",
+        "  slamd import ring drive.csv --config robot.toml --capture drive.mcap
+  slamd replay drive.mcap",
     ),
     (
         "import carmen",
-        "  slamd import carmen robot.log --config robot.toml --capture drive.mcap && slamd replay drive.mcap",
+        "  slamd import carmen robot.log --config robot.toml --capture drive.mcap
+  slamd replay drive.mcap",
     ),
     (
         "import bag",
-        "  slamd import bag rosbag2_2026_05_01/ --config robot.toml --capture drive.mcap && slamd replay drive.mcap",
+        "  slamd import bag rosbag2_drive/ --config robot.toml --capture drive.mcap
+  slamd replay drive.mcap",
     ),
     (
         "calibrate",
-        "  slamd --port auto --record drive.mcap            two minutes of driving between walls
+        "  slamd --port auto --record drive.mcap       two minutes between walls
   slamd calibrate drive.mcap --out robot.toml
   slamd --port auto --config robot.toml",
     ),
@@ -44,13 +49,13 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("bench", "  slamd bench accuracy --seeds 101-105\n  slamd bench paper --out paper"),
     (
         "bench accuracy",
-        "  slamd bench accuracy --seeds 101-105 -v          a line about each drive\n  slamd bench accuracy world=random sensors=8 faults=none",
+        "  slamd bench accuracy --seeds 101-105 -v    a line about each drive\n  slamd bench accuracy world=random sensors=8 faults=none",
     ),
     ("bench paper", "  slamd bench paper --out paper"),
     ("config show", "  slamd config show\n  slamd config show --config robot.toml"),
     (
         "config check",
-        "  slamd config check robot.toml\n  slamd config check            everything that `slamd run` would read",
+        "  slamd config check robot.toml\n  slamd config check               all that `slamd run` would read",
     ),
     ("config schema", "  slamd config schema > slamd.schema.json"),
 ];

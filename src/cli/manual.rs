@@ -97,8 +97,12 @@ fn examples_as_written(folder: &Path) -> std::io::Result<()> {
             Some((examples, after)) => (examples, format!(".SH {after}")),
             None => (extra, String::new()),
         };
-        let examples = examples.trim_end().trim_start_matches("Examples:").trim_start_matches('\n');
-        std::fs::write(&path, format!("{before}.SH EXAMPLES\n.nf\n{examples}\n.fi\n{after}"))?;
+        let text = examples.trim_end().trim_start_matches("Examples:").trim_start_matches('\n');
+        // What follows the examples is text, which the reader's terminal wraps.
+        let (examples, words) = text.split_once("\n\n").unwrap_or((text, ""));
+        let paragraphs = words.split("\n\n").filter(|words| !words.is_empty());
+        let words: String = paragraphs.map(|words| format!(".PP\n{}\n", words.trim())).collect();
+        std::fs::write(&path, format!("{before}.SH EXAMPLES\n.nf\n{examples}\n.fi\n{words}{after}"))?;
     }
     Ok(())
 }

@@ -44,12 +44,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "Examples:
-  slamd --port /dev/ttyUSB0                       map with a robot
-  slamd replay replay/flat-paper-faults.mcap      no robot needed; writes a map to slamd-out/
-  slamd replay recordings/ --out maps             all captures of a folder, on all cores, with a table
-  slamd export drive.mcap --mcap bag.mcap         for ROS 2 and Foxglove
-  slamd simulate --world flat --seed 1 --duration 120 --faults paper --capture drive.mcap
-  slamd simulate --world office --pty robot & slamd --port robot --record drive.mcap";
+  slamd --port /dev/ttyUSB0                    map with a robot
+  slamd replay replay/flat-paper-faults.mcap   no robot needed; to slamd-out/
+  slamd replay recordings/ --out maps          all captures of a folder
+  slamd export drive.mcap --mcap bag.mcap      for ROS 2 and Foxglove
+  slamd simulate --seed 1 --duration 120 --faults paper --capture drive.mcap
+  slamd simulate --pty robot & slamd --port robot --record drive.mcap";
 
 /// Maps a building with a robot that has a ring of ultrasonic sensors and two wheel encoders.
 #[derive(Debug, Parser)]

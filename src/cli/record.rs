@@ -14,7 +14,7 @@ pub(super) struct RecordArgs {
     /// Record all traffic of the port to this capture; in a folder (DIR/) a new capture begins every hour.
     #[arg(long, value_name = "FILE|DIR/")]
     record: Option<PathBuf>,
-    /// Begin a new capture after this many minutes.
+    /// Begin a new capture after this many minutes. The default is 60 in a folder (DIR/) without --record-mib; a FILE goes on to the end.
     #[arg(long, value_name = "MINUTES", requires = "record", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     record_minutes: Option<u32>,
     /// Begin a new capture at this size.

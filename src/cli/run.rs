@@ -5,7 +5,7 @@ use super::{Failure, Kind, OutputArgs, failure, outputs, terminal};
 use crate::api::{Server, Tap};
 use crate::daemon::{self, Live, Observer, Options, SessionClock, Shutdown};
 use crate::drive::Steering;
-use crate::port::PortName;
+use crate::port::{self, PortError, PortName};
 use crate::priority;
 use crate::recorder::{DiskHealth, Losses, Recorder};
 use crate::service::Service;
@@ -21,10 +21,13 @@ use std::time::Duration;
 use tokio::runtime::Runtime;
 
 const EXAMPLES: &str = "Examples:
-  slamd --port auto --record drive.mcap             map and record all traffic
-  slamd --port auto --listen & examples/watch.py    poses for another program (docs/api.md)
-  slamd --port auto --metrics                       http://127.0.0.1:9879/metrics for Prometheus, /healthz for a watchdog
-  slamd --port auto --listen 0.0.0.0:9878 --token-file token     for other machines, which must send the token";
+  slamd --port auto --record drive.mcap            map, record all traffic
+  slamd --port auto --listen & examples/watch.py   poses for other programs
+  slamd --port auto --metrics                      for Prometheus, watchdogs
+  slamd --port auto --listen 0.0.0.0:9878 --token-file token
+
+The last serves other machines, which must send the token. docs/api.md has
+what programs receive; --metrics has /metrics and /healthz on 127.0.0.1:9879.";
 
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
@@ -94,6 +97,14 @@ pub(super) fn no_port(port: &PortName) -> Failure {
         "nothing mapped: the session was over before the port {port} was found; plug the board in, or see `slamd ports`"
     );
     Failure::new(Kind::NothingMapped, text)
+}
+
+/// Refuses what exists and is no serial port. A port that does not exist yet, or is busy, is waited for.
+fn never_a_port(port: &PortName) -> Result<(), Failure> {
+    match port.resolve().and_then(|path| port::check(&path)) {
+        Err(error @ PortError::NotSerial { .. }) => Err(Failure::new(Kind::Unavailable, error.to_string())),
+        _ => Ok(()),
+    }
 }
 
 /// How a live session ended.
@@ -175,6 +186,7 @@ impl LiveArgs {
         (runtime, shutdown): (&Runtime, &mut Shutdown),
         observe: &mut Observer<'_>,
     ) -> Result<Option<End>, Failure> {
+        never_a_port(port)?;
         let mut guard = output.guard_of_robot()?;
         self.record.claim(&mut guard)?;
         let saves = self.state.outputs(guard)?;

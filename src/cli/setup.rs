@@ -13,9 +13,9 @@ use std::path::PathBuf;
 use tokio_serial::SerialStream;
 
 const HELP: &str = "Examples:
-  slamd setup                                  asks, guides, and writes robot.toml
-  slamd setup --port /dev/ttyUSB0 --yes        asks nothing: for scripts and robots that drive by themselves
-  slamd setup --wheel-radius 0.034 --wheel-base 0.182 --out robots/kitchen.toml
+  slamd setup                                  asks and guides; to robot.toml
+  slamd setup --port /dev/ttyUSB0 --yes        asks nothing, for scripts
+  slamd setup --wheel-radius 0.034 --wheel-base 0.182 --out kitchen.toml
   slamd --port auto --config robot.toml        maps with the result
 
 It finds the number of sensors, the unit of the ranges, swapped or reversed wheels, ticks per turn, wheel base, and a turned or mirrored

@@ -79,12 +79,12 @@ pub(super) struct SimulateArgs {
     /// Probability that a random byte is inserted.
     #[arg(long, value_name = "P", default_value = "0", value_parser = super::probability)]
     byte_insertions: f64,
-    /// Write the session with the true poses to this capture. An existing file is replaced only if it is the same simulated drive, or with --force.
+    /// Write the session with the true poses to this capture; without it, --pty is needed. An existing file is replaced only if it is the same simulated drive, or with --force.
     #[arg(long, value_name = "FILE")]
     capture: Option<PathBuf>,
     #[command(flatten)]
     force: ForceArg,
-    /// Simulate a board in real time on a pseudo-terminal of this name. The board obeys DRIVE: from the first one on the robot moves only as
+    /// Simulate a board in real time on a pseudo-terminal of this name; without it, --capture is needed. The board obeys DRIVE: from the first one on the robot moves only as
     /// the host commands.
     #[arg(long, value_name = "NAME")]
     pty: Option<PathBuf>,

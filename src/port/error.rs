@@ -1,6 +1,8 @@
 //! Why a port cannot be opened, and what to do.
 
 use super::Holder;
+use std::fs::File;
+use std::io::Read as _;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 
@@ -39,6 +41,8 @@ pub enum PortError {
     NotSerial {
         /// The file.
         path: PathBuf,
+        /// What it is instead.
+        is: NotSerial,
     },
     /// The program or the system has no file descriptor left.
     Descriptors {
@@ -53,6 +57,38 @@ pub enum PortError {
         text: String,
     },
 }
+
+/// What a path names that is no serial port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NotSerial {
+    /// A file that begins as an MCAP file does.
+    Capture,
+    /// Another file.
+    File,
+    /// A folder.
+    Folder,
+    /// A device that is no terminal, a pipe or a socket.
+    Other,
+}
+
+impl NotSerial {
+    /// What the path names.
+    pub(super) fn of(path: &Path) -> Self {
+        let Ok(metadata) = std::fs::metadata(path) else { return Self::Other };
+        if metadata.is_dir() {
+            return Self::Folder;
+        }
+        if !metadata.is_file() {
+            return Self::Other;
+        }
+        let mut magic = [0; MCAP.len()];
+        let is_read = File::open(path).and_then(|mut file| file.read_exact(&mut magic)).is_ok();
+        if is_read && magic == MCAP { Self::Capture } else { Self::File }
+    }
+}
+
+/// The first bytes of an MCAP file.
+const MCAP: [u8; 8] = *b"\x89MCAP0\r\n";
 
 impl PortError {
     /// True if the port is only unplugged; the daemon then looks for it often.
@@ -106,8 +142,20 @@ impl std::fmt::Display for PortError {
                 let names: Vec<String> = holders.iter().map(Holder::to_string).collect();
                 write!(f, "busy: {} is held by {}; {}", path.display(), names.join(" and "), remedy(holders))
             }
-            Self::NotSerial { path } => {
-                write!(f, "{} is no serial port; `slamd ports` lists those there are", path.display())
+            Self::NotSerial { path, is: NotSerial::Capture } => {
+                write!(
+                    f,
+                    "{path} is a capture, no serial port; replay it with `slamd replay {path}`",
+                    path = path.display()
+                )
+            }
+            Self::NotSerial { path, is } => {
+                let what = match is {
+                    NotSerial::Capture | NotSerial::File => "a file",
+                    NotSerial::Folder => "a folder",
+                    NotSerial::Other => "a device or pipe",
+                };
+                write!(f, "{} is {what}, no serial port; `slamd ports` lists those there are", path.display())
             }
             Self::Descriptors { text } => {
                 write!(f, "no file descriptor is free: {text}; close connections to slamd, or raise `ulimit -n`")

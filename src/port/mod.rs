@@ -9,7 +9,7 @@ mod holder;
 mod list;
 mod name;
 
-pub use error::PortError;
+pub use error::{NotSerial, PortError};
 pub use holder::{Holder, holders};
 pub use list::{PortInfo, Roots, UsbId, list};
 pub use name::{NameError, PortName};
@@ -26,10 +26,7 @@ use tokio_serial::{SerialPortBuilderExt as _, SerialStream};
 /// # Errors
 /// Why the port cannot be opened, and what to do.
 pub fn open(path: &Path, baud: u32) -> Result<SerialStream, PortError> {
-    let metadata = std::fs::metadata(path).map_err(|error| of_io(path, &error))?;
-    if !metadata.file_type().is_char_device() || !is_terminal(metadata.rdev()) {
-        return Err(PortError::NotSerial { path: path.into() });
-    }
+    check(path)?;
     let holders = holders(path);
     if !holders.is_empty() {
         return Err(PortError::Busy { path: path.into(), holders });
@@ -39,6 +36,18 @@ pub fn open(path: &Path, baud: u32) -> Result<SerialStream, PortError> {
         tokio_serial::ErrorKind::Io(kind) => of_io(path, &kind.into()),
         _ => PortError::Other { path: path.into(), text: error.description },
     })
+}
+
+/// Checks that the path names a serial port, without opening it.
+///
+/// # Errors
+/// It names something else, or nothing.
+pub fn check(path: &Path) -> Result<(), PortError> {
+    let metadata = std::fs::metadata(path).map_err(|error| of_io(path, &error))?;
+    if metadata.file_type().is_char_device() && is_terminal(metadata.rdev()) {
+        return Ok(());
+    }
+    Err(PortError::NotSerial { path: path.into(), is: NotSerial::of(path) })
 }
 
 /// True if the kernel drives this device as a terminal. Other devices, such as /dev/null, may have many holders.
@@ -69,7 +78,13 @@ mod tests {
     #[test]
     fn other_files_are_rejected() {
         assert!(error("/dev/nowhere").is_missing());
-        assert!(matches!(error("/dev/null"), PortError::NotSerial { .. }), "{}", error("/dev/null"));
-        assert!(matches!(error("/etc/passwd"), PortError::NotSerial { .. }));
+        let is = |path: &str| match error(path) {
+            PortError::NotSerial { is, .. } => is,
+            other => panic!("{path}: {other}"),
+        };
+        assert_eq!(is("/dev/null"), NotSerial::Other);
+        assert_eq!(is("/etc/passwd"), NotSerial::File);
+        assert_eq!(is("/etc"), NotSerial::Folder);
+        assert_eq!(is(concat!(env!("CARGO_MANIFEST_DIR"), "/replay/flat-paper-faults.mcap")), NotSerial::Capture);
     }
 }

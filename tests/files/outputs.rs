@@ -31,6 +31,8 @@ const OPTIONS: &[(&str, &str, &str)] = &[
     ("replay --session", "drive.mcap", "replay drive.mcap --out results --session TARGET"),
     ("replay --save-calibration", "drive.mcap", "replay drive.mcap --out results --save-calibration TARGET"),
     ("bench accuracy --out", "-", "bench accuracy world=room --seeds 101 --seconds 10 --out TARGET"),
+    // Setup refuses the file before it opens the port. A setup with a board would take minutes.
+    ("setup --out, no board", "-", "setup --yes --port nowhere --out TARGET"),
     ("run --record", "robot.toml", "run --port board --duration 0.5 --config robot.toml --out results --record TARGET"),
     (
         "run --save-session",

@@ -206,6 +206,81 @@ fn usage_errors_are_usage_errors() {
     assert_eq!(slamd(&["--help"]).0, 0);
 }
 
+/// The help of a command for a terminal of so many columns.
+fn help(command: &[&str], columns: u32) -> String {
+    let mut program = Command::new(env!("CARGO_BIN_EXE_slamd"));
+    let output = program.args(command).arg("--help").env("COLUMNS", columns.to_string()).output().unwrap();
+    assert!(output.status.success(), "{command:?}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// Each command with its subcommands.
+fn commands(path: &[&str]) -> Vec<Vec<String>> {
+    let mut found = vec![path.iter().map(|word| (*word).to_owned()).collect()];
+    let text = help(path, 200);
+    let lines = text.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
+    let names = lines.filter(|line| !line.starts_with("   ")).map(|line| line.split_whitespace().next().unwrap());
+    for name in names.filter(|name| *name != "help") {
+        found.extend(commands(&[path, &[name]].concat()));
+    }
+    found
+}
+
+#[test]
+fn the_examples_of_the_help_fit_80_columns() {
+    let examples = |command: &[&str], columns| {
+        let text = help(command, columns);
+        let (_, examples) = text.split_once("\nExamples:\n").unwrap_or_else(|| panic!("{command:?}: {text}"));
+        examples.split("\n\n").next().unwrap().trim_end().to_owned()
+    };
+    let commands = commands(&[]);
+    assert!(commands.len() > 18, "{commands:?}");
+    for command in commands {
+        let command: Vec<&str> = command.iter().map(String::as_str).collect();
+        let narrow = examples(&command, 80);
+        narrow.lines().for_each(|line| assert!(line.len() < 78, "{command:?}: {} columns: {line}", line.len()));
+        assert_eq!(narrow, examples(&command, 400), "{command:?}: a line is wrapped");
+    }
+}
+
+#[test]
+fn the_help_says_the_defaults() {
+    let said = |command: &str, words: &str| {
+        let text = help(&[command], 400);
+        assert!(text.contains(words), "{command}: {words} is missing in {text}");
+    };
+    said("run", "The default is the configuration's `method`, or walls");
+    said("run", "The default is 60 in a folder (DIR/)");
+    said("simulate", "without it, --pty is needed");
+    let (code, text) = slamd(&["simulate"]);
+    assert!(code == 64 && text.contains("--capture <FILE>|--pty <NAME>"), "{text}");
+}
+
+#[test]
+fn an_address_is_explained() {
+    for option in ["--listen", "--metrics"] {
+        for address in ["80", "localhost:80", "127.0.0.1", "127.0.0.1:99999"] {
+            let (code, text) = slamd(&["--port", "nowhere", option, address]);
+            assert!(code == 64 && text.contains("it must be IP:PORT, for example 127.0.0.1:9878"), "{text}");
+        }
+    }
+}
+
+#[test]
+fn what_is_no_port_is_refused_at_once() {
+    let capture = concat!(env!("CARGO_MANIFEST_DIR"), "/replay/flat-emulated-mega.mcap");
+    for (port, words) in [
+        ("/dev/null", "/dev/null is a device or pipe, no serial port; `slamd ports` lists".to_owned()),
+        ("good.toml", "good.toml is a file, no serial port".into()),
+        (".", ". is a folder, no serial port".into()),
+        (capture, format!("{capture} is a capture, no serial port; replay it with `slamd replay {capture}`")),
+    ] {
+        // The duration ends a run that waits, with 75.
+        let (code, text) = slamd(&["--port", port, "--duration", "5"]);
+        assert!(code == 69 && text.contains(&words) && !text.contains("searching"), "{port}: {code}: {text}");
+    }
+}
+
 #[test]
 fn a_folder_is_replayed_and_a_bad_capture_stops_no_other() {
     let folder = tempfile::tempdir().unwrap();

@@ -79,21 +79,30 @@ fn every_command_has_a_page_that_groff_renders() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("man/man1");
     assert!(slamd(&["man", "--out", out.to_str().unwrap()]).status.success());
+    let written = std::fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let written: Vec<String> = written.collect();
     let pages = commands().into_iter().map(|name| format!("slamd-{name}.1"));
     let nested = ["slamd.1", "slamd-config-show.1", "slamd-bench-accuracy.1"].map(String::from);
-    for name in pages.chain(nested) {
+    pages.chain(nested).for_each(|name| assert!(written.contains(&name), "{name} is missing in {written:?}"));
+    for name in written {
         let page = std::fs::read(out.join(&name)).unwrap_or_else(|error| panic!("{name}: {error}"));
         let text = String::from_utf8(page.clone()).unwrap();
         ["NAME", "SYNOPSIS", "DESCRIPTION", "OPTIONS"]
             .iter()
             .for_each(|section| assert!(text.contains(&format!(".SH {section}\n")), "{name}: {section} is missing"));
         assert_eq!(complaints(&page).unwrap_or_default(), "", "{name}");
+        // The examples stand as the help has them, line by line.
+        let command = name.strip_suffix(".1").unwrap().replace('-', " ");
+        let words = command.split(' ').skip(1).chain(["--help"]).collect::<Vec<_>>();
+        let help = String::from_utf8(slamd(&words).stdout).unwrap();
+        let help = help.split("\nExamples:\n").nth(1).and_then(|rest| rest.split("\n\n").next()).unwrap();
+        let examples = text.split(".SH EXAMPLES\n.nf\n").nth(1).and_then(|rest| rest.split("\n.fi\n").next());
+        let examples = examples.unwrap_or_else(|| panic!("{name}: no examples: {text}"));
+        let plain = examples.replace("\\-", "-").replace("\\*(Aq", "'").replace("\\\\", "\\");
+        assert_eq!(plain, help.trim_end(), "{name}");
     }
     let run = std::fs::read_to_string(out.join("slamd-run.1")).unwrap();
     assert!(run.contains("SLAMD_PORT") && run.contains("drive.mcap"), "{run}");
-    // The examples stand as they are written, one on a line.
-    let examples = run.split(".SH EXAMPLES\n.nf\n").nth(1).unwrap_or_else(|| panic!("{run}"));
-    assert!(examples.starts_with("  slamd \\-\\-port auto \\-\\-record drive.mcap"), "{examples}");
     assert_ne!(
         complaints(b".TH x 1\n.nonsense\n").unwrap_or_else(|| "no groff".into()),
         "",

@@ -223,4 +223,6 @@ impl Viewer {
     }
 }
 
-const NO_VIEWER: &str = "no `rerun` on the PATH; `pip install rerun-sdk==0.36.3` installs it";
+/// In an environment of its own: Debian and Raspberry Pi OS refuse a bare `pip install` (PEP 668).
+const NO_VIEWER: &str = "no `rerun` on the PATH; `python3 -m venv ~/rerun && ~/rerun/bin/pip install rerun-sdk==0.36.3` installs it; \
+    then `PATH=~/rerun/bin:$PATH`";

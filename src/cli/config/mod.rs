@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 /// Options of the estimator.
 #[derive(Debug, Args)]
 pub(crate) struct HowArgs {
-    /// Estimation method for heading, position and map.
+    /// Estimation method for heading, position and map. The default is the configuration's `method`, or walls if it names none.
     #[arg(long, value_enum)]
     method: Option<MethodArg>,
     /// Robot configuration (TOML), see configs/README.md. The default is slamd/slamd.toml in XDG_CONFIG_HOME or /etc/slamd/slamd.toml if it
@@ -143,7 +143,7 @@ impl From<ConfigError> for Failure {
 }
 
 const EXAMPLES: &str = "Examples:
-  slamd config show                        the configuration of `slamd run`, with the source of each value
+  slamd config show                with the source of each value
   slamd config check robot.toml && scp robot.toml robot:/etc/slamd/slamd.toml
   SLAMD_ROBOT__WHEEL_BASE_M=0.3 slamd config show --config robot.toml";
 

@@ -8,7 +8,8 @@ use std::process::Command;
 const MIN_FREE_BYTES: u64 = 200_000_000;
 /// The viewer version that reads slamd's recordings.
 const RERUN: &str = "0.36.";
-const RERUN_FIX: &str = "to see the map live: pip install rerun-sdk==0.36.3";
+/// In an environment of its own: Debian and Raspberry Pi OS refuse a bare `pip install` (PEP 668).
+const RERUN_FIX: &str = "to see the map live: `python3 -m venv ~/rerun && ~/rerun/bin/pip install rerun-sdk==0.36.3`, then `PATH=~/rerun/bin:$PATH`";
 /// An FTDI bridge that holds bytes for longer than this delays every answer, milliseconds.
 const MAX_LATENCY_MS: u32 = 2;
 
@@ -136,7 +137,8 @@ mod tests {
     #[test]
     fn another_viewer_is_a_note() {
         assert_eq!(version(Some("rerun-cli 0.36.3 [rustc 1.92]")).level, Level::Ok);
-        assert!(version(Some("rerun-cli 0.29.0")).fix.unwrap().contains("0.36.3"));
+        let fix = version(Some("rerun-cli 0.29.0")).fix.unwrap();
+        assert!(fix.contains("0.36.3") && fix.contains("-m venv"), "{fix}");
         assert_eq!(version(None).level, Level::Note);
     }
 

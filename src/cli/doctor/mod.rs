@@ -11,9 +11,9 @@ use slamd_capture::CaptureReader;
 use std::path::{Path, PathBuf};
 
 const HELP: &str = "Examples:
-  slamd doctor --port /dev/ttyUSB0      push the robot forward 30 cm meanwhile, then turn it left
-  slamd doctor --port auto --seconds 30 --json | jq '.findings[] | select(.level != \"ok\")'
-  slamd doctor --capture drive.mcap     examines a recording: no board needed
+  slamd doctor --port /dev/ttyUSB0      push the robot 30 cm, turn it left
+  slamd doctor --port auto --seconds 30 --json | jq '.findings[].text'
+  slamd doctor --capture drive.mcap     examines a recording
 
 Exit code: 0 no problem (perhaps warnings), 65 problems found, 69 the port cannot be used.";
 

@@ -21,7 +21,7 @@ use tokio::runtime::Runtime;
 
 const HELP: &str = "Examples:
   slamd monitor --port auto --record drive.mcap
-  slamd monitor --capture replay/flat-paper-faults.mcap --speed 4      no robot needed
+  slamd monitor --capture replay/flat-paper-faults.mcap --speed 4
 
 Keys: q, Esc and Ctrl-C quit, + and - zoom the map, c centres it on the robot, p pauses the display, ? lists the keys.
 Needs 80 columns and 24 rows. Without a UTF-8 locale it draws in ASCII, with NO_COLOR=1 without colours.";
