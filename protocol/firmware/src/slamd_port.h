@@ -31,14 +31,18 @@ uint32_t slamd_port_send_delay_us(void);            /* until a byte queued now l
  * brakes; before the first call, and in a reset, the motors are braked. */
 void slamd_port_motors(const int16_t duty[2]);
 bool slamd_port_emergency(void);                    /* the emergency pin is open */
-extern const bool slamd_port_has_motors;            /* the two functions above do something */
+bool slamd_port_has_motors(void);                   /* the two functions above do something */
 
 void slamd_port_rest(void); /* sleeps at most 0.2 ms; nothing in the ring is more urgent */
 
 uint8_t slamd_port_load(uint8_t at);             /* 96 non-volatile bytes, 0xFF when new */
 /* Starts to write a changed byte; returns false while the last write is in progress. */
 bool slamd_port_store(uint8_t at, uint8_t byte);
+
 extern const char slamd_port_board[];            /* at most 16 bytes */
+extern const uint8_t slamd_port_sensors;         /* echo pins: at most 32 */
+extern const uint8_t slamd_port_trigger_lines;   /* 4 or 8; sensor i is on line i mod these */
+void slamd_port_uid(uint8_t uid[8]);             /* distinguishes boards of one kind, as far as they can be */
 
 #ifdef __cplusplus
 }

@@ -63,7 +63,9 @@ uint8_t slamd_port_load(uint8_t at) { return memory[at]; }
 bool slamd_port_store(uint8_t at, uint8_t byte) { memory[at] = byte; return true; }
 
 
-const bool slamd_port_has_motors = true;
+const uint8_t slamd_port_sensors = 32, slamd_port_trigger_lines = 8;
+bool slamd_port_has_motors(void) { return true; }
+void slamd_port_uid(uint8_t uid[8]) { memcpy(uid, "slamdrng", 8); }
 void slamd_port_motors(const int16_t duty[2]) { memcpy(duties, duty, sizeof duties); }
 bool slamd_port_emergency(void) { return emergency; }
 
