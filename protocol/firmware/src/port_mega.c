@@ -17,8 +17,6 @@
 #define BYTE_US 85 /* ten bits at 117647 baud, the nearest rate to 115200 that the crystal allows */
 
 const char slamd_port_board[] = "mega2560";
-const uint8_t slamd_port_sensors = 32;
-const uint8_t slamd_port_trigger_lines = 8;
 
 static volatile uint32_t sampled_us;
 
@@ -235,8 +233,7 @@ uint32_t slamd_port_send_delay_us(void) {
 
 /* The chip has no number of its own. */
 void slamd_port_uid(uint8_t uid[8]) {
-    static const char same[] = "slamdrng";
-    for (uint8_t i = 0; i < 8; i++) uid[i] = (uint8_t)same[i];
+    (void)uid;
 }
 
 /* Each sleep ends with the next sample. */

@@ -35,8 +35,6 @@ static const uint8_t inputs[2][2] = {{20, 21}, {22, 26}};
 static const uint8_t shared[] = {18, 19, 20, 21, 22, 26, 27, 28};
 
 const char slamd_port_board[] = "rp2040";
-const uint8_t slamd_port_sensors = 16;
-const uint8_t slamd_port_trigger_lines = 4;
 
 static struct slamd_edge edges[64];
 static volatile uint8_t edge_in, edge_out;

@@ -9,6 +9,15 @@
 extern "C" {
 #endif
 
+/* Echo pins, at most 32, and trigger lines, at most 8: sensor i is on line i mod these. */
+#ifdef SLAMD_RP2040
+#define SLAMD_PORT_SENSORS 16
+#define SLAMD_PORT_TRIGGER_LINES 4
+#else
+#define SLAMD_PORT_SENSORS 32
+#define SLAMD_PORT_TRIGGER_LINES 8
+#endif
+
 /* The levels of the echo pins from t_us on; bit i is sensor i. */
 struct slamd_edge {
     uint32_t t_us;
@@ -40,9 +49,7 @@ uint8_t slamd_port_load(uint8_t at);             /* 96 non-volatile bytes, 0xFF 
 bool slamd_port_store(uint8_t at, uint8_t byte);
 
 extern const char slamd_port_board[];            /* at most 16 bytes */
-extern const uint8_t slamd_port_sensors;         /* echo pins: at most 32 */
-extern const uint8_t slamd_port_trigger_lines;   /* 4 or 8; sensor i is on line i mod these */
-void slamd_port_uid(uint8_t uid[8]);             /* distinguishes boards of one kind, as far as they can be */
+void slamd_port_uid(uint8_t uid[8]);             /* the chip's number; left as it is if there is none */
 
 #ifdef __cplusplus
 }

@@ -20,7 +20,8 @@
 static const struct {
     int32_t least, most, value;
 } limits[SLAMD_SETTING_COUNT] = {
-#define LIMITS(name, key, least, most, value) {least, most, value},
+#define DEFAULT(key, value) ((key) == SLAMD_SENSORS && (value) > SLAMD_PORT_SENSORS ? SLAMD_PORT_SENSORS : (value))
+#define LIMITS(name, key, least, most, value) {least, most, DEFAULT(key, value)},
     SLAMD_SETTINGS(LIMITS)};
 
 static struct slamd_writer out;
@@ -69,11 +70,11 @@ static void send(void) {
 }
 
 static bool groups_fit(int32_t groups) {
-    return groups == 1 || groups == 2 || groups == 4 || groups == slamd_port_trigger_lines;
+    return groups == 1 || groups == 2 || groups == 4 || groups == SLAMD_PORT_TRIGGER_LINES;
 }
 
 static bool accepts(uint8_t key, int32_t value) {
-    if (key == SLAMD_SENSORS && value > slamd_port_sensors) return false;
+    if (key == SLAMD_SENSORS && value > SLAMD_PORT_SENSORS) return false;
     return value >= limits[key - 1].least && value <= limits[key - 1].most && (key != SLAMD_GROUPS || groups_fit(value));
 }
 
@@ -99,7 +100,6 @@ static void load(void) {
         settings[i] = (int32_t)get32(store + SETTINGS_AT + 4 * i);
         if (i >= known || !accepts(i + 1, settings[i])) settings[i] = limits[i].value;
     }
-    if (setting(SLAMD_SENSORS) > slamd_port_sensors) settings[SLAMD_SENSORS - 1] = slamd_port_sensors;
     boot_id = get32(store + BOOT_AT) + 1;
     put32(store + BOOT_AT, boot_id);
     settings_to_store();
@@ -112,7 +112,7 @@ static void save(void) {
 
 static void send_hello(void) {
     struct slamd_hello hello = {boot_id, 1000000, (uint32_t)setting(SLAMD_TICKS_PER_TURN),
-                                slamd_port_has_motors() ? SLAMD_CAPABILITY_DRIVES : 0, settings_crc(), (uint8_t)setting(SLAMD_SENSORS), {0},
+                                slamd_port_has_motors() ? SLAMD_CAPABILITY_DRIVES : 0, settings_crc(), (uint8_t)setting(SLAMD_SENSORS), {'s', 'l', 'a', 'm', 'd', 'r', 'n', 'g'},
                                 slamd_port_board, SLAMD_FIRMWARE_VERSION};
     slamd_port_uid(hello.uid);
     slamd_put_hello(&out, seq, &hello);
@@ -297,7 +297,7 @@ static void end_ping(void) {
 
 static void begin_ping(void) {
     uint8_t lines = 0, groups = (uint8_t)setting(SLAMD_GROUPS);
-    for (uint8_t line = group; line < slamd_port_trigger_lines; line += groups) lines |= (uint8_t)(1 << line);
+    for (uint8_t line = group; line < SLAMD_PORT_TRIGGER_LINES; line += groups) lines |= (uint8_t)(1 << line);
     rose = fell = 0;
     levels = high_at_trigger = slamd_port_levels();
     read_wheels(trigger_ticks);
