@@ -223,7 +223,11 @@ class Board {
         this.cycleNs = 1e9 / chip.clkSys;
         chip.addClockListener((hz) => (this.cycleNs = 1e9 / hz));
         chip.onBreak = () => fail('breakpoint');
-        chip.peripherals[0x40058].onWatchdogTrigger = () => (this.resets = true);
+        const watchdog = chip.peripherals[0x40058];
+        watchdog.onWatchdogTrigger = () => {
+            watchdog.alarm.enable = false;
+            this.resets = true;
+        };
         this.resets = false;
         for (const [pin, level] of this.levels) chip.gpio[pin].setInputValue(level);
         TRIGGERS.forEach((pin, line) => chip.gpio[pin].addListener((state) => this.onTrigger(line, state)));
