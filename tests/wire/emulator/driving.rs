@@ -27,7 +27,7 @@ enum Ending {
     Zero,
     Reset,
     Emergency,
-    /// The firmware stops with its interrupts off; only libraries that emulate the watchdog's reset can show it.
+    /// The firmware stops with its interrupts off. The Mega's emulator has no such mishap.
     Hang,
 }
 
@@ -219,6 +219,9 @@ struct Ahead {
     encoder: FrameEncoder,
     decoder: FrameDecoder,
     last: Option<MotionState>,
+    /// Looks since the first obstacle, and how many of them find the board stopped by it.
+    looks: u32,
+    blocked: u32,
     nearest_m: f64,
     fastest_m_s: f64,
 }
@@ -228,7 +231,6 @@ impl Host for Ahead {
         for &byte in bytes {
             let Some(frame) = self.decoder.push(byte) else { continue };
             if let Ok(Message::Motion(motion)) = Message::parse(frame.kind, frame.payload) {
-                if std::env::var_os("TRY_S").is_some() && self.last != Some(motion.state) { println!("{at_us} {:?}", motion.state); }
                 self.last = Some(motion.state);
             }
         }
@@ -250,6 +252,9 @@ impl Host for Ahead {
     fn truth(&mut self, _: u64, _: Pose2) {}
 
     fn look(&mut self, _: u64, plant: &Plant) {
+        let is_blocked = self.last == Some(MotionState::Obstacle);
+        self.blocked += u32::from(is_blocked);
+        self.looks += u32::from(is_blocked || self.blocked > 0);
         self.nearest_m = self.nearest_m.min(plant.clearance_m());
         let [left, right] = plant.wheel_speeds_m_s();
         self.fastest_m_s = self.fastest_m_s.max(0.5 * (left + right));
@@ -258,16 +263,16 @@ impl Host for Ahead {
 
 #[test]
 fn the_image_stops_before_a_wall_that_the_host_drives_at() {
-    stops_before_a_wall(emulation::mega(), &[TOP_SPEED], 15);
+    stops_before_a_wall(emulation::mega(), &[TOP_SPEED]);
 }
 
 #[test]
 fn the_pico_stops_before_a_wall_that_the_host_drives_at() {
     let Some(pico) = emulation::pico(PICO_SENSORS) else { return };
-    stops_before_a_wall(&pico, &[(Setting::Sensors, PICO_SENSORS.into()), TOP_SPEED], std::env::var("TRY_S").map_or(15, |s| s.parse().unwrap()));
+    stops_before_a_wall(&pico, &[(Setting::Sensors, PICO_SENSORS.into()), TOP_SPEED]);
 }
 
-fn stops_before_a_wall(board: &Emulated, settings: &[(Setting, i32)], seconds: u64) {
+fn stops_before_a_wall(board: &Emulated, settings: &[(Setting, i32)]) {
     use slamd_sim::robot::BODY_RADIUS_M;
     for seed in 1..=2 {
         let mut host = Ahead {
@@ -275,12 +280,20 @@ fn stops_before_a_wall(board: &Emulated, settings: &[(Setting, i32)], seconds: u
             encoder: FrameEncoder::new(),
             decoder: FrameDecoder::new(),
             last: None,
+            looks: 0,
+            blocked: 0,
             nearest_m: f64::INFINITY,
             fastest_m_s: 0.0,
         };
-        emulation::run_with(board, Plant::new(seed, board.wiring).standing(), seconds, &mut host);
-        println!("seed {seed}: {:.3} m from the body to the wall, {:?}", host.nearest_m - BODY_RADIUS_M, host.last);
-        assert_eq!(host.last, Some(MotionState::Obstacle), "seed {seed}");
+        emulation::run_with(board, Plant::new(seed, board.wiring).standing(), 15, &mut host);
+        println!(
+            "seed {seed}: {:.3} m from the body to the wall; blocked in {} of {} looks since it saw it",
+            host.nearest_m - BODY_RADIUS_M,
+            host.blocked,
+            host.looks
+        );
+        // An echo that fails lets the robot creep for a cycle of the ring.
+        assert!(host.blocked > 100 && 10 * host.blocked > 9 * host.looks, "{} of {}", host.blocked, host.looks);
         assert!(host.fastest_m_s > 0.3, "{} m/s", host.fastest_m_s);
         assert!(host.nearest_m > BODY_RADIUS_M + 0.02, "seed {seed}: {} m", host.nearest_m);
     }

@@ -11,6 +11,8 @@ use slamd_sim::random::{Random, Stream};
 const SENSORS: u8 = 16;
 /// Drives in lock-step, of `DRIVE_S` each: as many as CI has time for, because JavaScript emulates slowly. The Mega has more.
 const DRIVES: u64 = 4;
+/// How long the drive in real time takes.
+const WIRE_S: u64 = 40;
 /// The firmware promises that a time of flight is this exact, microseconds.
 const GRAIN_US: u64 = 10;
 /// How much of the first drive is golden.
@@ -36,7 +38,7 @@ fn the_emulated_pico_maps_like_the_simulators_board_in_many_drives() {
 fn the_pico_maps_through_the_real_program() {
     let Some(board) = emulation::pico(SENSORS) else { return };
     let _machine = MACHINE.lock();
-    let wire = over_the_wire(&board, 1);
+    let wire = over_the_wire(&board, 1, WIRE_S);
     println!("over the wire: {wire:?}");
     assert!(wire.ate_m <= 0.15, "{} m", wire.ate_m);
 }

@@ -42,7 +42,7 @@ class Flash {
         this.selected = false;
         this.registers = new Map();
         this.answers = [];
-        this.xip = false;
+        this.xip = this.hasServedReads = false;
     }
 
     /* A new chip is connected: the power was off. What was being written is half written. */
@@ -76,6 +76,7 @@ class Flash {
             const mode = this.registers.get(0) ?? 0;
             this.xip = mode === (31 << 16 | 3 << 8) && this.registers.get(0xf4) === (3 << 24 | 2 << 8 | 6 << 2) &&
                 this.registers.get(8) === 1;
+            this.hasServedReads ||= this.xip;
             return;
         }
         if (this.registers.get(0) !== 7 << 16 || !this.selected) fail('a byte for a flash that does not listen');
@@ -321,11 +322,8 @@ class Board {
             if (alarm && alarm.nanos <= clock.nanosCounter + ns) clock.tick(ns);
             else clock.nanosCounter += ns;
         }
-        if (core.PC >>> 0 < RAM) this.executesFromFlash();
-    }
-
-    executesFromFlash() {
-        fail(`runs at ${this.chip.core.PC.toString(16)}, not in the RAM`);
+        if (core.PC >>> 0 < RAM) fail(`runs at ${core.PC.toString(16)}, not in the RAM`);
+        if (core.PC >>> 0 < BOOT2 && !this.flash.hasServedReads) fail('the second stage did not set the flash to serial reads');
     }
 
     hang() {
