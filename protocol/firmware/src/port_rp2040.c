@@ -23,6 +23,7 @@ enum { PAD_FLOATING = 0x52, PAD_PULL_DOWN = 0x56, PAD_PULL_UP = 0x5A };
  * 13 to 15: GP26 to GP28. With 8 sensors or fewer the pins from GP18 on drive the motors. */
 #define TX 0
 #define RX 1
+#define UART (1UL << 22)
 #define ENCODERS 2
 #define TRIGGERS 6
 #define ECHOES 10
@@ -293,10 +294,13 @@ static void begin_uart(void) {
 }
 
 void slamd_port_begin(void) {
-    uint32_t used = 1UL << 5 | 1UL << 8 | 1UL << 12 | 1UL << 14 | 1UL << 21 | 1UL << 22;
-    REG(RESETS + CLEAR) = used; /* pins, pads, PLL, PWM, timer, UART 0 */
-    begin_clocks();
+    uint32_t used = 1UL << 5 | 1UL << 8 | 1UL << 12 | 1UL << 14 | 1UL << 21; /* pins, pads, PLL, PWM, timer */
+    REG(RESETS + CLEAR) = used;
     while (~REG(RESETS + 8) & used) {
+    }
+    begin_clocks();
+    REG(RESETS + CLEAR) = UART; /* which gets ready only with its clock */
+    while (~REG(RESETS + 8) & UART) {
     }
     slamd_rp2040_begin_flash();
     for (uint8_t i = 0; i < 4; i++) begin_output(TRIGGERS + i);
@@ -318,12 +322,18 @@ void slamd_port_begin(void) {
     PSM_WDSEL = 0x1FFFC; /* a reset by the watchdog resets all but the oscillators */
     WATCHDOG_LOAD = 2 * CONTROL_US; /* it counts twice per microsecond */
     WATCHDOG_CTRL = 1UL << 30 | 7UL << 24;
+    __asm volatile("cpsie i" ::: "memory");
 }
 
 /* Each sleep ends with the next tick. */
 void slamd_port_rest(void) {
     WATCHDOG_LOAD = 2 * CONTROL_US;
     slamd_rp2040_keep_settings();
+    if (waiting()) { /* in case that an interrupt of the UART was missed */
+        uint32_t before = lock();
+        feed_uart();
+        unlock(before);
+    }
     __asm volatile("wfi" ::: "memory");
 }
 
