@@ -17,7 +17,6 @@
 #define BYTE_US 85 /* ten bits at 117647 baud, the nearest rate to 115200 that the crystal allows */
 
 const char slamd_port_board[] = "mega2560";
-const bool slamd_port_has_motors = true;
 
 static volatile uint32_t sampled_us;
 
@@ -137,6 +136,10 @@ void slamd_port_motors(const int16_t duty[2]) {
     }
 }
 
+bool slamd_port_has_motors(void) {
+    return true;
+}
+
 bool slamd_port_emergency(void) {
     return PINB & _BV(PB4);
 }
@@ -226,6 +229,11 @@ bool slamd_port_send(const uint8_t *bytes, uint16_t len) {
 
 uint32_t slamd_port_send_delay_us(void) {
     return (uint32_t)waiting() * BYTE_US;
+}
+
+/* The chip has no number of its own. */
+void slamd_port_uid(uint8_t uid[8]) {
+    (void)uid;
 }
 
 /* Each sleep ends with the next sample. */

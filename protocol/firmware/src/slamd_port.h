@@ -9,6 +9,15 @@
 extern "C" {
 #endif
 
+/* Echo pins, at most 32, and trigger lines, at most 8: sensor i is on line i mod these. */
+#ifdef SLAMD_RP2040
+#define SLAMD_PORT_SENSORS 16
+#define SLAMD_PORT_TRIGGER_LINES 4
+#else
+#define SLAMD_PORT_SENSORS 32
+#define SLAMD_PORT_TRIGGER_LINES 8
+#endif
+
 /* The levels of the echo pins from t_us on; bit i is sensor i. */
 struct slamd_edge {
     uint32_t t_us;
@@ -31,14 +40,16 @@ uint32_t slamd_port_send_delay_us(void);            /* until a byte queued now l
  * brakes; before the first call, and in a reset, the motors are braked. */
 void slamd_port_motors(const int16_t duty[2]);
 bool slamd_port_emergency(void);                    /* the emergency pin is open */
-extern const bool slamd_port_has_motors;            /* the two functions above do something */
+bool slamd_port_has_motors(void);                   /* the two functions above do something */
 
 void slamd_port_rest(void); /* sleeps at most 0.2 ms; nothing in the ring is more urgent */
 
 uint8_t slamd_port_load(uint8_t at);             /* 96 non-volatile bytes, 0xFF when new */
 /* Starts to write a changed byte; returns false while the last write is in progress. */
 bool slamd_port_store(uint8_t at, uint8_t byte);
+
 extern const char slamd_port_board[];            /* at most 16 bytes */
+void slamd_port_uid(uint8_t uid[8]);             /* the chip's number; left as it is if there is none */
 
 #ifdef __cplusplus
 }

@@ -5,8 +5,7 @@
 #include "slamd_protocol.h"
 #include <math.h>
 
-#define SENSORS_MAX 32 /* the pins of a Mega */
-#define TRIGGER_LINES 8
+#define SENSORS_MAX 32 /* of any port */
 #define HELLO_US 100000UL /* between two HELLO messages until the host answers */
 #define MOTION_US 100000UL /* between two MOTION messages */
 #define MUTE_CYCLES 8 /* unanswered pings in a row before a sensor is reported */
@@ -21,7 +20,8 @@
 static const struct {
     int32_t least, most, value;
 } limits[SLAMD_SETTING_COUNT] = {
-#define LIMITS(name, key, least, most, value) {least, most, value},
+#define DEFAULT(key, value) ((key) == SLAMD_SENSORS && (value) > SLAMD_PORT_SENSORS ? SLAMD_PORT_SENSORS : (value))
+#define LIMITS(name, key, least, most, value) {least, most, DEFAULT(key, value)},
     SLAMD_SETTINGS(LIMITS)};
 
 static struct slamd_writer out;
@@ -70,11 +70,11 @@ static void send(void) {
 }
 
 static bool groups_fit(int32_t groups) {
-    return groups == 1 || groups == 2 || groups == 4 || groups == TRIGGER_LINES;
+    return groups == 1 || groups == 2 || groups == 4 || groups == SLAMD_PORT_TRIGGER_LINES;
 }
 
 static bool accepts(uint8_t key, int32_t value) {
-    if (key == SLAMD_SENSORS && value > SENSORS_MAX) return false;
+    if (key == SLAMD_SENSORS && value > SLAMD_PORT_SENSORS) return false;
     return value >= limits[key - 1].least && value <= limits[key - 1].most && (key != SLAMD_GROUPS || groups_fit(value));
 }
 
@@ -112,8 +112,9 @@ static void save(void) {
 
 static void send_hello(void) {
     struct slamd_hello hello = {boot_id, 1000000, (uint32_t)setting(SLAMD_TICKS_PER_TURN),
-                                slamd_port_has_motors ? SLAMD_CAPABILITY_DRIVES : 0, settings_crc(), (uint8_t)setting(SLAMD_SENSORS), {'s', 'l', 'a', 'm', 'd', 'r', 'n', 'g'},
+                                slamd_port_has_motors() ? SLAMD_CAPABILITY_DRIVES : 0, settings_crc(), (uint8_t)setting(SLAMD_SENSORS), {'s', 'l', 'a', 'm', 'd', 'r', 'n', 'g'},
                                 slamd_port_board, SLAMD_FIRMWARE_VERSION};
+    slamd_port_uid(hello.uid);
     slamd_put_hello(&out, seq, &hello);
     send();
     hello_us = slamd_port_now_us();
@@ -196,11 +197,11 @@ static void answer(const struct slamd_request *r, uint32_t rx_us) {
         result = SLAMD_DONE;
         break;
     case SLAMD_DRIVE:
-        if (slamd_port_has_motors && streaming) {
+        if (slamd_port_has_motors() && streaming) {
             slamd_motors_drive(r->mm_s, r->valid_ms, rx_us);
             return;
         }
-        result = slamd_port_has_motors ? SLAMD_BUSY : SLAMD_UNKNOWN;
+        result = slamd_port_has_motors() ? SLAMD_BUSY : SLAMD_UNKNOWN;
         break;
     default: return;
     }
@@ -296,7 +297,7 @@ static void end_ping(void) {
 
 static void begin_ping(void) {
     uint8_t lines = 0, groups = (uint8_t)setting(SLAMD_GROUPS);
-    for (uint8_t line = group; line < TRIGGER_LINES; line += groups) lines |= (uint8_t)(1 << line);
+    for (uint8_t line = group; line < SLAMD_PORT_TRIGGER_LINES; line += groups) lines |= (uint8_t)(1 << line);
     rose = fell = 0;
     levels = high_at_trigger = slamd_port_levels();
     read_wheels(trigger_ticks);

@@ -62,8 +62,8 @@ uint32_t slamd_port_send_delay_us(void) { return 85; }
 uint8_t slamd_port_load(uint8_t at) { return memory[at]; }
 bool slamd_port_store(uint8_t at, uint8_t byte) { memory[at] = byte; return true; }
 
-
-const bool slamd_port_has_motors = true;
+bool slamd_port_has_motors(void) { return true; }
+void slamd_port_uid(uint8_t uid[8]) { (void)uid; }
 void slamd_port_motors(const int16_t duty[2]) { memcpy(duties, duty, sizeof duties); }
 bool slamd_port_emergency(void) { return emergency; }
 

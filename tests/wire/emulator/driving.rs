@@ -1,6 +1,6 @@
 //! The image's PWM pins move the simulated robot, and whatever ends a drive, it stands still in time.
 
-use super::emulation::{self, Host};
+use super::emulation::{self, Emulated, Host, Mishap};
 use super::plant::Plant;
 use slamd_core::Pose2;
 use slamd_protocol::{Drive, FrameDecoder, FrameEncoder, Message, MotionState, Setting, WheelSpeeds};
@@ -9,6 +9,8 @@ use slamd_sim::random::{Random, Stream};
 /// The wheels must stand this long after the board has a reason to stop, and after the last frame where the line is silent, microseconds.
 const STANDSTILL_US: u64 = 150_000;
 const SILENT_STANDSTILL_US: u64 = 400_000;
+/// The watchdog ends a hang after this.
+const WATCHDOG_US: u64 = 120_000;
 /// The exchange with the emulated line waits this long, and a plant's step takes as long, microseconds.
 const GRAIN_US: u64 = 4_000 + 5_000;
 /// Period of DRIVE.
@@ -25,10 +27,12 @@ enum Ending {
     Zero,
     Reset,
     Emergency,
+    /// The firmware stops with its interrupts off. The Mega's emulator has no such mishap.
+    Hang,
 }
 
-const ENDINGS: [Ending; 6] =
-    [Ending::Silence, Ending::Expiry, Ending::Stop, Ending::Zero, Ending::Reset, Ending::Emergency];
+const ENDINGS: [Ending; 7] =
+    [Ending::Silence, Ending::Expiry, Ending::Stop, Ending::Zero, Ending::Reset, Ending::Emergency, Ending::Hang];
 
 #[derive(Clone, Copy, Debug)]
 enum Phase {
@@ -48,7 +52,10 @@ struct Endings {
     phase: Phase,
     speeds: WheelSpeeds,
     ended: usize,
-    resets: bool,
+    /// How drives end on this board, in turn.
+    endings: &'static [Ending],
+    settings: Vec<(Setting, i32)>,
+    mishap: Option<Mishap>,
     /// Longest time from the reason to the standstill, by ending.
     longest_us: [u64; ENDINGS.len()],
     /// The greatest speed seen while driving.
@@ -57,7 +64,7 @@ struct Endings {
 }
 
 impl Endings {
-    fn new(seed: u64) -> Self {
+    fn new(seed: u64, endings: &'static [Ending], settings: &[(Setting, i32)]) -> Self {
         Self {
             encoder: FrameEncoder::new(),
             decoder: FrameDecoder::new(),
@@ -65,7 +72,9 @@ impl Endings {
             phase: Phase::Greeting(100_000),
             speeds: WheelSpeeds::ZERO,
             ended: 0,
-            resets: false,
+            endings,
+            settings: settings.to_vec(),
+            mishap: None,
             longest_us: [0; ENDINGS.len()],
             fastest_m_s: 0.0,
             states: Vec::new(),
@@ -85,8 +94,12 @@ impl Endings {
             Ending::Stop => (self.encoder.encode(&Message::Stop).to_vec(), at_us + STANDSTILL_US),
             Ending::Zero => (self.drive(WheelSpeeds::ZERO), at_us + STANDSTILL_US),
             Ending::Reset => {
-                self.resets = true;
+                self.mishap = Some(Mishap::Reset);
                 (Vec::new(), at_us + STANDSTILL_US)
+            }
+            Ending::Hang => {
+                self.mishap = Some(Mishap::Hang);
+                (Vec::new(), at_us + WATCHDOG_US + STANDSTILL_US)
             }
             Ending::Emergency => (Vec::new(), at_us + STANDSTILL_US),
         }
@@ -113,9 +126,11 @@ impl Host for Endings {
                     WheelSpeeds::new(-spin, spin / 2).unwrap()
                 };
                 let until_us = from_us + 800_000 + self.random.uniform(0.0, 700_000.0) as u64;
-                self.phase = Phase::Driving(until_us, ENDINGS[self.ended % ENDINGS.len()]);
-                let top = Message::ConfigSet { key: Setting::TopSpeedMmS.key(), value: 600 };
-                let messages = [Message::HelloRequest { major: 1, minor: 1 }, top, Message::Start];
+                self.phase = Phase::Driving(until_us, self.endings[self.ended % self.endings.len()]);
+                let set = |(key, value): &(Setting, i32)| Message::ConfigSet { key: key.key(), value: *value };
+                let mut messages = vec![Message::HelloRequest { major: 1, minor: 1 }];
+                messages.extend(self.settings.iter().map(set));
+                messages.push(Message::Start);
                 messages.iter().flat_map(|message| self.encoder.encode(message).to_vec()).collect()
             }
             Phase::Greeting(_) => Vec::new(),
@@ -165,22 +180,34 @@ impl Host for Endings {
         matches!(self.phase, Phase::Ended(Ending::Emergency, ended_us, stands_us) if ended_us < stands_us)
     }
 
-    fn resets(&mut self) -> bool {
-        std::mem::take(&mut self.resets)
+    fn mishap(&mut self) -> Option<Mishap> {
+        self.mishap.take()
     }
 }
 
+const TOP_SPEED: (Setting, i32) = (Setting::TopSpeedMmS, 600);
+/// A Pico has pins for motors with 8 sensors at most.
+const PICO_SENSORS: u8 = 8;
+
 #[test]
 fn the_image_stands_still_in_time_whatever_ends_a_drive() {
-    const SECONDS: u64 = 36;
-    let (runner, image) = emulation::build();
-    let mut host = Endings::new(1);
-    emulation::run_with(runner, image, Plant::new(1).standing(), SECONDS, &mut host);
+    stands_still_in_time(emulation::mega(), &ENDINGS[..6], &[TOP_SPEED], 36);
+}
+
+#[test]
+fn the_pico_stands_still_in_time_whatever_ends_a_drive() {
+    let Some(pico) = emulation::pico(PICO_SENSORS) else { return };
+    stands_still_in_time(&pico, &ENDINGS, &[(Setting::Sensors, PICO_SENSORS.into()), TOP_SPEED], 42);
+}
+
+fn stands_still_in_time(board: &Emulated, endings: &'static [Ending], settings: &[(Setting, i32)], seconds: u64) {
+    let mut host = Endings::new(1, endings, settings);
+    emulation::run_with(board, Plant::new(1, board.wiring).standing(), seconds, &mut host);
     println!(
         "{} endings, longest {:?} us for {ENDINGS:?}; fastest {} m/s",
         host.ended, host.longest_us, host.fastest_m_s
     );
-    assert!(host.ended >= 2 * ENDINGS.len(), "{}", host.ended);
+    assert!(host.ended >= 2 * endings.len(), "{}", host.ended);
     assert!(host.fastest_m_s > 0.3, "it hardly moved: {} m/s", host.fastest_m_s);
     let all = [MotionState::Idle, MotionState::Driving, MotionState::TimeOut, MotionState::EmergencyPin];
     assert!(all.iter().all(|state| host.states.contains(state)), "{:?}", host.states);
@@ -188,9 +215,13 @@ fn the_image_stands_still_in_time_whatever_ends_a_drive() {
 
 /// Drives ahead without looking.
 struct Ahead {
+    settings: Vec<(Setting, i32)>,
     encoder: FrameEncoder,
     decoder: FrameDecoder,
     last: Option<MotionState>,
+    /// Looks since the first obstacle, and how many of them find the board stopped by it.
+    looks: u32,
+    blocked: u32,
     nearest_m: f64,
     fastest_m_s: f64,
 }
@@ -205,7 +236,10 @@ impl Host for Ahead {
         }
         let mut say = |message: &Message| self.encoder.encode(message).to_vec();
         match at_us {
-            100_000 => say(&Message::ConfigSet { key: Setting::TopSpeedMmS.key(), value: 600 }),
+            100_000 => {
+                let set = |(key, value): &(Setting, i32)| Message::ConfigSet { key: key.key(), value: *value };
+                self.settings.iter().flat_map(|setting| say(&set(setting))).collect()
+            }
             200_000 => say(&Message::Start),
             _ if at_us > 500_000 && at_us.is_multiple_of(DRIVE_US) => {
                 let ahead = WheelSpeeds::new(500, 500).unwrap();
@@ -218,6 +252,9 @@ impl Host for Ahead {
     fn truth(&mut self, _: u64, _: Pose2) {}
 
     fn look(&mut self, _: u64, plant: &Plant) {
+        let is_blocked = self.last == Some(MotionState::Obstacle);
+        self.blocked += u32::from(is_blocked);
+        self.looks += u32::from(is_blocked || self.blocked > 0);
         self.nearest_m = self.nearest_m.min(plant.clearance_m());
         let [left, right] = plant.wheel_speeds_m_s();
         self.fastest_m_s = self.fastest_m_s.max(0.5 * (left + right));
@@ -226,19 +263,37 @@ impl Host for Ahead {
 
 #[test]
 fn the_image_stops_before_a_wall_that_the_host_drives_at() {
+    stops_before_a_wall(emulation::mega(), &[TOP_SPEED]);
+}
+
+#[test]
+fn the_pico_stops_before_a_wall_that_the_host_drives_at() {
+    let Some(pico) = emulation::pico(PICO_SENSORS) else { return };
+    stops_before_a_wall(&pico, &[(Setting::Sensors, PICO_SENSORS.into()), TOP_SPEED]);
+}
+
+fn stops_before_a_wall(board: &Emulated, settings: &[(Setting, i32)]) {
     use slamd_sim::robot::BODY_RADIUS_M;
-    let (runner, image) = emulation::build();
     for seed in 1..=2 {
         let mut host = Ahead {
+            settings: settings.to_vec(),
             encoder: FrameEncoder::new(),
             decoder: FrameDecoder::new(),
             last: None,
+            looks: 0,
+            blocked: 0,
             nearest_m: f64::INFINITY,
             fastest_m_s: 0.0,
         };
-        emulation::run_with(runner, image, Plant::new(seed).standing(), 15, &mut host);
-        println!("seed {seed}: {:.3} m from the body to the wall", host.nearest_m - BODY_RADIUS_M);
-        assert_eq!(host.last, Some(MotionState::Obstacle), "seed {seed}");
+        emulation::run_with(board, Plant::new(seed, board.wiring).standing(), 15, &mut host);
+        println!(
+            "seed {seed}: {:.3} m from the body to the wall; blocked in {} of {} looks since it saw it",
+            host.nearest_m - BODY_RADIUS_M,
+            host.blocked,
+            host.looks
+        );
+        // An echo that fails lets the robot creep for a cycle of the ring.
+        assert!(host.blocked > 100 && 10 * host.blocked > 9 * host.looks, "{} of {}", host.blocked, host.looks);
         assert!(host.fastest_m_s > 0.3, "{} m/s", host.fastest_m_s);
         assert!(host.nearest_m > BODY_RADIUS_M + 0.02, "seed {seed}: {} m", host.nearest_m);
     }

@@ -8,45 +8,116 @@ use std::fmt::Write as _;
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::sync::OnceLock;
 
 /// Bytes wait this long in the USB bridge.
 const LATENCY_US: u64 = 4_000;
 /// Period of the true pose.
 const TRUTH_US: u64 = 20_000;
 
-/// The runner and the firmware's image, built once.
+/// An image and the emulator that runs it.
+#[derive(Debug)]
+pub struct Emulated {
+    program: PathBuf,
+    arguments: Vec<PathBuf>,
+    pub wiring: Wiring,
+}
+
+/// What hangs on the board's pins.
+#[derive(Clone, Copy, Debug)]
+pub struct Wiring {
+    pub sensors: u8,
+    pub trigger_lines: u8,
+}
+
+/// The Mega's runner and image, built once.
 ///
 /// # Panics
 /// When a compiler or libsimavr is missing.
-pub fn build() -> &'static (PathBuf, PathBuf) {
-    static BUILT: std::sync::OnceLock<(PathBuf, PathBuf)> = std::sync::OnceLock::new();
-    BUILT.get_or_init(build_anew)
+pub fn mega() -> &'static Emulated {
+    static BUILT: OnceLock<Emulated> = OnceLock::new();
+    BUILT.get_or_init(|| {
+        let image = make("slamd_ring_mega2560.elf", "make gcc-avr avr-libc");
+        let runner = folder().join("runner");
+        let cc = Command::new("cc")
+            .args(["-O2", "-Wall", "-Wextra", "-Werror", "-o"])
+            .arg(&runner)
+            .arg(root().join("tests/wire/emulator/runner.c"))
+            .args(["-lsimavr", "-lelf"])
+            .output()
+            .expect("cc runs");
+        let words = "install what it needs: apt-get install libsimavr-dev libelf-dev";
+        assert!(cc.status.success(), "{}\n{words}", String::from_utf8_lossy(&cc.stderr));
+        Emulated { program: runner, arguments: vec![image], wiring: Wiring { sensors: 32, trigger_lines: 8 } }
+    })
 }
 
-fn build_anew() -> (PathBuf, PathBuf) {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let folder = root.join("target/emulator");
-    std::fs::create_dir_all(&folder).expect("a folder for the runner");
+/// The Pico's runner and image with this many sensors, and with motors if there are at most 8; the image is built once. None without the
+/// emulator or the compiler, except where every test must run.
+///
+/// # Panics
+/// When they are missing there.
+pub fn pico(sensors: u8) -> Option<Emulated> {
+    let pico = folder().join("pico");
+    let has = |program: &str| Command::new(program).arg("--version").output().is_ok_and(|out| out.status.success());
+    let missing = [
+        (!has("node")).then_some("no node: apt-get install nodejs npm"),
+        (!has("arm-none-eabi-gcc")).then_some("no compiler: apt-get install gcc-arm-none-eabi libnewlib-arm-none-eabi"),
+        (!pico.join("node_modules/rp2040js").is_dir()).then_some(
+            "no rp2040js: cp tests/wire/emulator/pico/package*.json target/emulator/pico/ && npm ci --prefix target/emulator/pico",
+        ),
+    ];
+    if let Some(words) = missing.into_iter().flatten().next() {
+        assert!(std::env::var_os("CI").is_none(), "{words}");
+        println!("skipped: {words}");
+        return None;
+    }
+    static BUILT: OnceLock<(PathBuf, PathBuf)> = OnceLock::new();
+    let (runner, image) = BUILT.get_or_init(|| {
+        // Beside its packages, where node looks for them.
+        let runner = pico.join("runner.mjs");
+        std::fs::copy(root().join("tests/wire/emulator/pico/runner.mjs"), &runner).expect("copied");
+        (runner, make("slamd_ring_pico.uf2", "make gcc-arm-none-eabi libnewlib-arm-none-eabi python3"))
+    });
+    Some(Emulated {
+        program: "node".into(),
+        arguments: vec![runner.clone(), image.clone(), sensors.to_string().into()],
+        wiring: Wiring { sensors, trigger_lines: 4 },
+    })
+}
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn folder() -> PathBuf {
+    root().join("target/emulator")
+}
+
+/// An image, built by the firmware's Makefile with these packages.
+fn make(image: &str, packages: &str) -> PathBuf {
+    let folder = folder();
+    std::fs::create_dir_all(&folder).expect("a folder for the image");
+    let image = folder.join(image);
     let make = Command::new("make")
         .arg("-C")
-        .arg(root.join("protocol/firmware"))
+        .arg(root().join("protocol/firmware"))
         .arg(format!("BUILD={}", folder.display()))
-        .arg(format!("{}/slamd_ring_mega2560.elf", folder.display()))
+        .arg(&image)
         .output();
     let make = make.expect("make runs");
-    let words = "install what it needs: apt-get install make gcc-avr avr-libc";
+    print!("{}", String::from_utf8_lossy(&make.stdout));
+    let words = format!("install what it needs: apt-get install {packages}");
     assert!(make.status.success(), "{}\n{words}", String::from_utf8_lossy(&make.stderr));
-    let runner = folder.join("runner");
-    let cc = Command::new("cc")
-        .args(["-O2", "-Wall", "-Wextra", "-Werror", "-o"])
-        .arg(&runner)
-        .arg(root.join("tests/wire/emulator/runner.c"))
-        .args(["-lsimavr", "-lelf"])
-        .output()
-        .expect("cc runs");
-    let words = "install what it needs: apt-get install libsimavr-dev libelf-dev";
-    assert!(cc.status.success(), "{}\n{words}", String::from_utf8_lossy(&cc.stderr));
-    (runner, folder.join("slamd_ring_mega2560.elf"))
+    image
+}
+
+/// What may befall a board.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Mishap {
+    Reset,
+    /// The firmware stops with its interrupts off.
+    Hang,
 }
 
 /// The host's end of the line, in the emulated time.
@@ -61,9 +132,9 @@ pub trait Host {
     fn emergency(&self) -> bool {
         false
     }
-    /// Whether the board is reset now.
-    fn resets(&mut self) -> bool {
-        false
+    /// What befalls the board now.
+    fn mishap(&mut self) -> Option<Mishap> {
+        None
     }
 }
 
@@ -74,14 +145,18 @@ struct Runner {
 }
 
 /// Runs the image for so many seconds of its own time, as fast as it goes.
-pub fn run(runner: &Path, image: &Path, seed: u64, seconds: u64, host: &mut impl Host) {
-    run_with(runner, image, Plant::new(seed), seconds, host);
+pub fn run(board: &Emulated, seed: u64, seconds: u64, host: &mut impl Host) {
+    run_with(board, Plant::new(seed, board.wiring), seconds, host);
 }
 
 /// The same with this plant.
-pub fn run_with(runner: &Path, image: &Path, mut plant: Plant, seconds: u64, host: &mut impl Host) {
-    let mut child =
-        Command::new(runner).arg(image).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("it runs");
+pub fn run_with(board: &Emulated, mut plant: Plant, seconds: u64, host: &mut impl Host) {
+    let mut child = Command::new(&board.program)
+        .args(&board.arguments)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("it runs");
     let (to, from) = (child.stdin.take().expect("piped"), BufReader::new(child.stdout.take().expect("piped")));
     let mut runner = Runner { child, to, from };
     let mut waiting = Vec::new();
@@ -118,8 +193,10 @@ pub fn run_with(runner: &Path, image: &Path, mut plant: Plant, seconds: u64, hos
             let _ = runner.child.wait();
             return;
         }
-        if host.resets() {
-            answer = "reset".into();
+        match host.mishap() {
+            Some(Mishap::Reset) => answer = "reset".into(),
+            Some(Mishap::Hang) => answer = "hang".into(),
+            None => {}
         }
         writeln!(runner.to, "{answer}").expect("the runner listens");
     }

@@ -2,6 +2,7 @@
 
 #![allow(unreachable_pub, reason = "a test's module")]
 
+use super::emulation::Wiring;
 use slamd_core::{Pose2, Ring};
 use slamd_sim::explore::Explorer;
 use slamd_sim::home::Grip;
@@ -16,7 +17,6 @@ const RISE_US: u64 = 450;
 const SILENCE_US: u64 = 38_000;
 /// Speed of sound in air of 20 degrees Celsius.
 const SOUND_M_S: f64 = 343.42;
-const TRIGGER_LINES: usize = 8;
 const COMMAND_US: u64 = 50_000;
 
 /// A pulse on an echo pin.
@@ -43,6 +43,9 @@ pub enum Bridge {
 pub struct Plant {
     world: World,
     ring: Ring,
+    trigger_lines: usize,
+    /// Each sensor's latest pulse on its echo pin, microseconds; 0 before the first.
+    pub pulses_us: Vec<u64>,
     robot: Robot,
     explorer: Explorer,
     noise: Random,
@@ -57,13 +60,15 @@ pub struct Plant {
 
 impl Plant {
     /// The same world and robot as the simulator's with this seed.
-    pub fn new(seed: u64) -> Self {
+    pub fn new(seed: u64, wiring: Wiring) -> Self {
         let world = World::named("flat").expect("a built-in world");
         let random = |stream| Random::new(seed, stream);
         let heading_rad = world.start_heading_rad.unwrap_or_else(|| random(Stream::Start).uniform(-PI, PI));
         let start = Pose2::new(world.start.x, world.start.y, heading_rad);
         Self {
-            ring: Ring::circle(32, 0.15, BeamShape::Cone.half_angle_rad(), 4),
+            ring: Ring::circle(wiring.sensors, 0.15, BeamShape::Cone.half_angle_rad(), 4),
+            trigger_lines: usize::from(wiring.trigger_lines),
+            pulses_us: vec![0; usize::from(wiring.sensors)],
             robot: Robot::new(start, 1.0, random(Stream::Robot)),
             explorer: Explorer::new(&world, random(Stream::Explore)),
             noise: random(Stream::Sonar),
@@ -137,7 +142,7 @@ impl Plant {
     pub fn ping(&mut self, us: u64, lines: u32) -> Vec<Pulse> {
         self.drives_since_us.get_or_insert(self.step_us);
         let mut pulses = Vec::new();
-        for sensor in (0..self.ring.len()).filter(|sensor| lines >> (sensor % TRIGGER_LINES) & 1 == 1) {
+        for sensor in (0..self.ring.len()).filter(|sensor| lines >> (sensor % self.trigger_lines) & 1 == 1) {
             let mounting = self.ring.mountings[sensor].robot_from_sensor;
             let share = self.share(us);
             let distance = |later_s: f64| {
@@ -147,6 +152,7 @@ impl Plant {
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a time of flight")]
             let flight_us = reading(true_m, &mut self.noise).map(|range_m| (2e6 * range_m / SOUND_M_S).round() as u64);
             let rise_us = us + RISE_US;
+            self.pulses_us[sensor] = flight_us.unwrap_or(SILENCE_US);
             pulses.push(Pulse { sensor, rise_us, fall_us: rise_us + flight_us.unwrap_or(SILENCE_US) });
         }
         pulses
