@@ -43,33 +43,16 @@ pub(super) fn check(
     };
     let known = |wheel: usize| -> Vec<f64> { cells.iter().filter_map(|cells| *cells.ticks.get(wheel)?).collect() };
     let [left, right] = [0, 1].map(known);
-    let is_empty =
-        |wheel: &usize| name(*wheel).is_some() && [&left, &right].get(*wheel).is_some_and(|counts| counts.is_empty());
-    let empty: Vec<usize> = (0..2).filter(is_empty).collect();
+    let empty: Vec<(usize, (usize, String))> = [(0, &left), (1, &right)]
+        .into_iter()
+        .filter_map(|(wheel, counts)| Some((wheel, name(wheel).filter(|_| counts.is_empty())?)))
+        .collect();
     let mut doubts = Vec::new();
-    if !empty.is_empty() && cells.len() > 1 {
-        let columns: Vec<String> = empty
-            .iter()
-            .filter_map(|wheel| name(*wheel))
-            .map(|(column, name)| format!("column {column}, `{name}`"))
-            .collect();
-        let is_one = empty.len() == 1;
-        let what = format!(
-            "{} {} empty in all {} rows",
-            columns.join(" and "),
-            if is_one { "is" } else { "are" },
-            cells.len()
+    if cells.len() > 1 {
+        doubts.extend(
+            without_counts(&empty, roles, cells.len())
+                .map_err(|problem| ImportError::Problem { file: file.into(), problem })?,
         );
-        let roles = empty.iter().fold(roles.to_vec(), |roles, wheel| without(&roles, *wheel));
-        let left_out = format!("--columns {}", super::header::list(&roles));
-        if !is_one {
-            return error(format!(
-                "{what}: export the counts; if the robot has no encoders, leave the columns out: {left_out}"
-            ));
-        }
-        doubts.push(format!(
-            "{what}, taken as an encoder that never counts: export the counts; if the robot has no such encoder, leave the column out: {left_out}"
-        ));
     }
     let growth = |counts: &[f64]| -> f64 {
         counts.windows(2).filter_map(|pair| Some((pair.last()? - pair.first()?).abs())).sum()
@@ -108,6 +91,29 @@ pub(super) fn check(
         }
     }
     Ok(doubts)
+}
+
+/// What is doubtful where wheels have a column without any count: each wheel with the number and the name of its column.
+///
+/// # Errors
+/// If neither wheel has any.
+fn without_counts(empty: &[(usize, (usize, String))], roles: &[Role], rows: usize) -> Result<Option<String>, String> {
+    if empty.is_empty() {
+        return Ok(None);
+    }
+    let columns: Vec<String> = empty.iter().map(|(_, (column, name))| format!("column {column}, `{name}`")).collect();
+    let roles = empty.iter().fold(roles.to_vec(), |roles, (wheel, _)| without(&roles, *wheel));
+    let left_out = format!("--columns {}", super::header::list(&roles));
+    let columns = columns.join(" and ");
+    if empty.len() > 1 {
+        return Err(format!(
+            "{columns} are empty in all {rows} rows: export the counts; if the robot has no encoders, leave the columns out: {left_out}"
+        ));
+    }
+    Ok(Some(format!(
+        "{columns} is empty in all {rows} rows, taken as an encoder that never counts: export the counts; if the robot has no such encoder, \
+         leave the column out: {left_out}"
+    )))
 }
 
 /// The columns without those of an encoder.
