@@ -27,9 +27,9 @@ fn the_emulated_pico_maps_like_the_simulators_board() {
     compare_in_lock_step(&board, DRIVES);
 }
 
-/// The comparison with as many drives as the Mega's: twenty minutes.
+/// The comparison with as many drives as the Mega's.
 #[test]
-#[ignore = "twenty minutes: cargo test --test wire pico -- --ignored"]
+#[ignore = "four minutes on two cores: cargo test --test wire pico -- --ignored"]
 fn the_emulated_pico_maps_like_the_simulators_board_in_many_drives() {
     let Some(board) = emulation::pico(SENSORS) else { return };
     let _machine = MACHINE.lock();
