@@ -4,11 +4,13 @@ use super::emulation::{self, Host, Mishap};
 use super::plant::Plant;
 use super::{MACHINE, compare_in_lock_step, over_the_wire, sends_the_golden_capture};
 use slamd_core::Pose2;
-use slamd_protocol::{Echo, FrameDecoder, FrameEncoder, Message, Setting};
+use slamd_protocol::{AckResult, Drive, Echo, FrameDecoder, FrameEncoder, Message, MotionState, Setting, WheelSpeeds};
 use slamd_sim::random::{Random, Stream};
 
 /// Its echo pins.
 const SENSORS: u8 = 16;
+/// So many and fewer leave pins for motors.
+const SENSORS_WITH_MOTORS: u8 = 8;
 /// Drives in lock-step, of `DRIVE_S` each: as many as CI has time for, because JavaScript emulates slowly. The Mega has more.
 const DRIVES: u64 = 4;
 /// How long the drive in real time takes.
@@ -25,9 +27,9 @@ fn the_emulated_pico_maps_like_the_simulators_board() {
     compare_in_lock_step(&board, DRIVES);
 }
 
-/// The comparison with as many drives as the Mega's: twenty minutes.
+/// The comparison with as many drives as the Mega's.
 #[test]
-#[ignore = "twenty minutes: cargo test --test wire pico -- --ignored"]
+#[ignore = "four minutes on two cores: cargo test --test wire pico -- --ignored"]
 fn the_emulated_pico_maps_like_the_simulators_board_in_many_drives() {
     let Some(board) = emulation::pico(SENSORS) else { return };
     let _machine = MACHINE.lock();
@@ -199,4 +201,66 @@ fn the_picos_settings_survive_power_cuts_at_any_time() {
     // Both sectors are used twice, and the cut comes before, while and after a copy is written.
     assert!(host.rounds > 70, "{}", host.rounds);
     assert!(host.lost > 5 && host.lost < host.rounds / 2, "{}", host.lost);
+}
+
+/// Says one message after the other, 40 ms apart, and notes what the board answers.
+struct Questions {
+    encoder: FrameEncoder,
+    decoder: FrameDecoder,
+    questions: Vec<Message>,
+    results: Vec<AckResult>,
+    drives: Vec<bool>,
+    states: Vec<MotionState>,
+}
+
+impl Host for Questions {
+    fn exchange(&mut self, at_us: u64, bytes: &[u8]) -> Vec<u8> {
+        for &byte in bytes {
+            let Some(frame) = self.decoder.push(byte) else { continue };
+            match Message::parse(frame.kind, frame.payload) {
+                Ok(Message::Hello(hello)) => self.drives.push(hello.drives()),
+                Ok(Message::Ack { result, .. }) => self.results.push(result),
+                Ok(Message::Motion(motion)) => self.states.push(motion.state),
+                _ => {}
+            }
+        }
+        let is_due = at_us >= 100_000 && at_us.is_multiple_of(40_000) && !self.questions.is_empty();
+        if is_due { self.encoder.encode(&self.questions.remove(0)).to_vec() } else { Vec::new() }
+    }
+
+    fn truth(&mut self, _: u64, _: Pose2) {}
+}
+
+#[test]
+fn the_pico_has_motors_with_eight_sensors_only() {
+    let Some(board) = emulation::pico(SENSORS_WITH_MOTORS) else { return };
+    let set = |setting: Setting, value| Message::ConfigSet { key: setting.key(), value };
+    let hello = Message::HelloRequest { major: 1, minor: 1 };
+    let drive = Message::Drive(Drive::new(WheelSpeeds::ZERO, 300, Drive::FROM_SOCKET).unwrap());
+    let questions = vec![
+        set(Setting::Sensors, 17),
+        set(Setting::Groups, 8),
+        hello.clone(),
+        Message::Start,
+        drive.clone(),
+        Message::Stop,
+        set(Setting::Sensors, SENSORS_WITH_MOTORS.into()),
+        hello,
+        Message::Start,
+        drive,
+    ];
+    let mut host = Questions {
+        encoder: FrameEncoder::new(),
+        decoder: FrameDecoder::new(),
+        questions,
+        results: Vec::new(),
+        drives: Vec::new(),
+        states: Vec::new(),
+    };
+    emulation::run(&board, 1, 1, &mut host);
+    use AckResult::{Done, Refused, Unknown};
+    assert_eq!(host.results, [Refused, Refused, Done, Unknown, Done, Done, Done]);
+    assert_eq!(host.drives.last(), Some(&true));
+    assert!(host.drives.contains(&false) && host.drives.is_sorted(), "{:?}", host.drives);
+    assert_eq!(host.states.last(), Some(&MotionState::NoMotors), "no top speed is set: {:?}", host.states);
 }
