@@ -331,19 +331,15 @@ impl Estimator for CheckedSlam {
     }
 
     fn begin_anew(&mut self, at: Timestamp, events: &mut Vec<Event>) {
-        if let Some(told) = self.told.take() {
-            self.tell(&told, ModelState::Resolved, at, events);
-        }
+        self.told.take().inspect(|told| self.tell(told, ModelState::Resolved, at, events));
         if self.is_lost || self.doubt != Doubt::None {
-            let change = LocalizationChange::Trusted;
-            events.push(Event::Localization(LocalizationEvent { at, since: at, change }));
+            let trusted = LocalizationEvent { at, since: at, change: LocalizationChange::Trusted };
+            events.push(Event::Localization(trusted));
         }
-        let first_revision = self.next_revision();
-        let (slam, history) = (
-            WallSlam::with_params(&self.config, &self.ring, &self.params),
-            History::new(self.params.robot_model.max_history_sweeps),
-        );
-        *self = Self { first_revision, ..Self::around(slam, &self.config, &self.ring, &self.params, history) };
+        let (first_revision, config) = (self.next_revision(), &self.config);
+        let slam = WallSlam::with_params(config, &self.ring, &self.params);
+        let history = History::new(self.params.robot_model.max_history_sweeps);
+        *self = Self { first_revision, ..Self::around(slam, config, &self.ring, &self.params, history) };
         events.push(Event::Revised { at, poses: Vec::new() });
     }
 
