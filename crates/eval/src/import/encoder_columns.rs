@@ -24,7 +24,7 @@ const MIN_ROLLED: f64 = 200.0;
 /// What is doubtful of the encoders' cells.
 ///
 /// # Errors
-/// Where an encoder has a column without any count, or the cells are so small that they are of another unit. `counting` is what the user says.
+/// Where the cells are so small that they are of another unit. `counting` is what the user says.
 pub(super) fn check(
     table: &Table<'_>,
     roles: &[Role],
@@ -48,12 +48,7 @@ pub(super) fn check(
         .filter_map(|(wheel, counts)| Some((wheel, name(wheel).filter(|_| counts.is_empty())?)))
         .collect();
     let mut doubts = Vec::new();
-    if cells.len() > 1 {
-        doubts.extend(
-            without_counts(&empty, roles, cells.len())
-                .map_err(|problem| ImportError::Problem { file: file.into(), problem })?,
-        );
-    }
+    doubts.extend(without_counts(&empty, roles, cells.len()));
     let growth = |counts: &[f64]| -> f64 {
         counts.windows(2).filter_map(|pair| Some((pair.last()? - pair.first()?).abs())).sum()
     };
@@ -94,26 +89,25 @@ pub(super) fn check(
 }
 
 /// What is doubtful where wheels have a column without any count: each wheel with the number and the name of its column.
-///
-/// # Errors
-/// If neither wheel has any.
-fn without_counts(empty: &[(usize, (usize, String))], roles: &[Role], rows: usize) -> Result<Option<String>, String> {
-    if empty.is_empty() {
-        return Ok(None);
+fn without_counts(empty: &[(usize, (usize, String))], roles: &[Role], rows: usize) -> Option<String> {
+    if empty.is_empty() || rows < 2 {
+        return None;
     }
     let columns: Vec<String> = empty.iter().map(|(_, (column, name))| format!("column {column}, `{name}`")).collect();
+    let (columns, is_one) = (columns.join(" and "), empty.len() == 1);
     let roles = empty.iter().fold(roles.to_vec(), |roles, (wheel, _)| without(&roles, *wheel));
     let left_out = format!("--columns {}", super::header::list(&roles));
-    let columns = columns.join(" and ");
-    if empty.len() > 1 {
-        return Err(format!(
-            "{columns} are empty in all {rows} rows: export the counts; if the robot has no encoders, leave the columns out: {left_out}"
-        ));
-    }
-    Ok(Some(format!(
-        "{columns} is empty in all {rows} rows, taken as an encoder that never counts: export the counts; if the robot has no such encoder, \
-         leave the column out: {left_out}"
-    )))
+    Some(if is_one {
+        format!(
+            "{columns} is empty in all {rows} rows, taken as an encoder that never counts: export the counts; if the robot has no such \
+             encoder, leave the column out: {left_out}"
+        )
+    } else {
+        format!(
+            "{columns} are empty in all {rows} rows, taken as a robot without encoders, which has no poses: export the counts; if it has \
+             none, leave the columns out: {left_out}"
+        )
+    })
 }
 
 /// The columns without those of an encoder.
@@ -170,7 +164,7 @@ mod tests {
               encoder, leave the column out: --columns t_s,-,right_ticks,r0"
             ]
         );
-        let both = checked(None, None, None).unwrap_err();
+        let both = checked(None, None, None).unwrap().remove(0);
         assert!(
             both.contains("column 2, `left_ticks` and column 3, `right_ticks` are empty in all 200 rows"),
             "{both}"
