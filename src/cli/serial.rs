@@ -9,7 +9,7 @@ use slamd_core::Timestamp;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
-use tokio_serial::{SerialPort as _, SerialStream};
+use tokio_serial::{ClearBuffer, SerialPort as _, SerialStream};
 
 const CHUNK: usize = 4096;
 /// Update period of the progress line.
@@ -197,7 +197,7 @@ pub(super) async fn listen(
         outgoing.extend(listener.take_transmit());
         if let Some(baud) = listener.take_baud() {
             let stream = reader.unsplit(writer);
-            if let Err(error) = stream.set_baud_rate(baud) {
+            if let Err(error) = stream.set_baud_rate(baud).and_then(|()| stream.clear(ClearBuffer::Input)) {
                 return Some(Ended::Gone(error.to_string()));
             }
             (reader, writer) = tokio::io::split(stream);

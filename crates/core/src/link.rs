@@ -249,13 +249,15 @@ impl Link {
             }
             LinkState::Streaming => self.change(at, LinkState::Stale, self.no_echoes(at, STALE)),
             LinkState::Stale => self.change(at, LinkState::Lost, self.no_echoes(at, LOST)),
+            LinkState::Lost if self.heard_at + LOST <= at => {
+                self.remedy = Some(Remedy::Reopen);
+                self.since = at;
+            }
+            LinkState::Lost if reception.frames > self.frames => (self.since, self.frames) = (at, reception.frames),
+            // Bytes, and not one valid frame: it may speak at another rate by now.
             LinkState::Lost => {
-                if self.heard_at + LOST > at {
-                    self.since = at;
-                } else {
-                    self.remedy = Some(Remedy::Reopen);
-                    self.since = at;
-                }
+                self.trial = 0;
+                self.try_on(at, reception);
             }
         }
     }

@@ -144,6 +144,26 @@ fn a_board_at_another_rate_is_found_and_the_option_named() {
 }
 
 #[test]
+fn a_board_that_changes_its_rate_is_found_again() {
+    let mut bench = Bench::open();
+    bench.frames = 1;
+    bench.hear(b"hello");
+    bench.echoes();
+    bench.changes();
+    // From now on what arrives is no frame at this rate.
+    for _ in 0..250 {
+        bench.hear(&[0x80; 4]);
+        bench.wait(100);
+    }
+    let told = bench.changes().join("\n");
+    assert!(told.contains("noise: bytes arrive but no valid frame at 115200 baud; trying other rates"), "{told}");
+    assert_eq!(bench.remedies.first(), Some(&Remedy::Baud(250_000)));
+    bench.frames += 1;
+    bench.hear(b"hello");
+    assert!(bench.changes().join("").contains("the board speaks at"), "{:?}", bench.link.cause());
+}
+
+#[test]
 fn noise_text_and_an_echo_are_distinguished() {
     let mut noise = Bench::open();
     for _ in 0..200 {

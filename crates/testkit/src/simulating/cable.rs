@@ -60,7 +60,9 @@ impl Cable {
         self.buffer.clear();
     }
 
+    /// Another rate throws away what had arrived, and damage to half a frame of it stays.
     pub fn set_baud(&mut self, baud: u32) {
+        self.buffer.clear();
         self.baud[1] = baud;
     }
 
@@ -73,9 +75,8 @@ impl Cable {
         at >= self.unplugged_until && at >= self.busy_until
     }
 
-    /// Opening throws away what had arrived, and damage to half a frame of it stays.
+    /// Opening throws away what had arrived, too.
     pub fn open(&mut self, baud: u32) {
-        self.buffer.clear();
         self.set_baud(baud);
     }
 
