@@ -21,7 +21,7 @@ use std::pin::Pin;
 use std::task::{Context, Poll, ready};
 use std::time::{Duration, Instant};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
-use tokio_serial::{ClearBuffer, SerialPort, SerialStream};
+use tokio_serial::SerialStream;
 
 /// Options of a live session.
 #[derive(Clone, Copy, Debug)]
@@ -89,11 +89,7 @@ impl OpenPort {
     /// Applies a recovery action. Returns why the port must be closed, if it must.
     fn apply(&mut self, remedy: Remedy) -> Option<String> {
         match remedy {
-            Remedy::Baud(baud) => {
-                let set = self.stream.set_baud_rate(baud);
-                // What had arrived at the other rate says nothing about this one.
-                set.and_then(|()| self.stream.clear(ClearBuffer::Input)).err().map(|error| error.to_string())
-            }
+            Remedy::Baud(baud) => port::set_baud(&mut self.stream, baud).err().map(|error| error.to_string()),
             Remedy::Reopen => Some("silent for 10 s: reopening the port".into()),
         }
     }

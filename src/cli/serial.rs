@@ -3,13 +3,14 @@
 use super::terminal;
 use crate::daemon::Shutdown;
 use crate::doctor::Examination;
+use crate::port;
 use crate::setup::{Progress, Setup};
 use bytes::{Buf as _, Bytes};
 use slamd_core::Timestamp;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
-use tokio_serial::{ClearBuffer, SerialPort as _, SerialStream};
+use tokio_serial::SerialStream;
 
 const CHUNK: usize = 4096;
 /// Update period of the progress line.
@@ -28,7 +29,9 @@ pub(super) trait Listener {
     /// What the person is to do now.
     fn instruction(&self) -> String;
     /// What was found since the last call, for people.
-    fn take_news(&mut self) -> Vec<String>;
+    fn take_news(&mut self) -> Vec<String> {
+        Vec::new()
+    }
 }
 
 /// Why the loop ended before the listener was done.
@@ -83,10 +86,6 @@ impl Listener for Timed {
         } else {
             "listening to the board".into()
         }
-    }
-
-    fn take_news(&mut self) -> Vec<String> {
-        Vec::new()
     }
 }
 
@@ -197,7 +196,7 @@ pub(super) async fn listen(
         outgoing.extend(listener.take_transmit());
         if let Some(baud) = listener.take_baud() {
             let stream = reader.unsplit(writer);
-            if let Err(error) = stream.set_baud_rate(baud).and_then(|()| stream.clear(ClearBuffer::Input)) {
+            if let Err(error) = port::set_baud(stream, baud) {
                 return Some(Ended::Gone(error.to_string()));
             }
             (reader, writer) = tokio::io::split(stream);

@@ -1,6 +1,7 @@
 //! Why a port cannot be opened, and what to do.
 
 use super::Holder;
+use slamd_capture::MAGIC;
 use std::fs::File;
 use std::io::Read as _;
 use std::os::unix::fs::MetadataExt as _;
@@ -81,14 +82,11 @@ impl NotSerial {
         if !metadata.is_file() {
             return Self::Other;
         }
-        let mut magic = [0; MCAP.len()];
+        let mut magic = [0; MAGIC.len()];
         let is_read = File::open(path).and_then(|mut file| file.read_exact(&mut magic)).is_ok();
-        if is_read && magic == MCAP { Self::Capture } else { Self::File }
+        if is_read && magic.as_slice() == MAGIC { Self::Capture } else { Self::File }
     }
 }
-
-/// The first bytes of an MCAP file.
-const MCAP: [u8; 8] = *b"\x89MCAP0\r\n";
 
 impl PortError {
     /// True if the port is only unplugged; the daemon then looks for it often.

@@ -17,7 +17,7 @@ pub use name::{NameError, PortName};
 use std::io::ErrorKind;
 use std::os::unix::fs::{FileTypeExt as _, MetadataExt as _};
 use std::path::Path;
-use tokio_serial::{SerialPortBuilderExt as _, SerialStream};
+use tokio_serial::{ClearBuffer, SerialPort as _, SerialPortBuilderExt as _, SerialStream};
 
 /// Opens the device exclusively, 8N1.
 ///
@@ -36,6 +36,15 @@ pub fn open(path: &Path, baud: u32) -> Result<SerialStream, PortError> {
         tokio_serial::ErrorKind::Io(kind) => of_io(path, &kind.into()),
         _ => PortError::Other { path: path.into(), text: error.description },
     })
+}
+
+/// Listens at another rate. What had arrived at the one before says nothing about it, and is thrown away.
+///
+/// # Errors
+/// When the system refuses.
+pub fn set_baud(stream: &mut SerialStream, baud: u32) -> tokio_serial::Result<()> {
+    stream.set_baud_rate(baud)?;
+    stream.clear(ClearBuffer::Input)
 }
 
 /// Checks that the path names a serial port, without opening it.

@@ -316,22 +316,32 @@ impl Setup {
         self.wiring_ever = self.wiring_ever.or(self.wiring_before);
         self.config.board = robot::settings(wiring, self.wiring_ever);
         self.wiring_ever = self.wiring_ever.or(wiring);
-        self.examination = Examination::new(&self.config, self.baud, &self.port);
-        (self.begin, self.found_at) = (at, None);
+        self.examine_anew(at);
+        self.found_at = None;
         self.phase = if self.config.board.is_empty() { Phase::Watch } else { Phase::Settings(at) };
+    }
+
+    /// Examines the board from now on, with the configuration of now.
+    fn examine_anew(&mut self, at: Timestamp) {
+        self.examination = Examination::new(&self.config, self.baud, &self.port);
+        self.begin = at;
+    }
+
+    /// The configured settings that the board does not have.
+    fn missing_settings(&self) -> impl Iterator<Item = Setting> {
+        let differs = |(setting, value): &(Setting, i32)| self.examination.setting(*setting) != Some(*value);
+        self.config.settings().filter(differs).map(|(setting, _)| setting)
     }
 
     /// Waits until the board has its settings, then watches from the beginning.
     fn take_over(&mut self, since: Timestamp, at: Timestamp) {
-        let wanted: Vec<(Setting, i32)> = self.config.settings().collect();
-        let differs = |(setting, value): &&(Setting, i32)| self.examination.setting(*setting) != Some(*value);
-        let missing = wanted.iter().find(differs);
+        let missing = self.missing_settings().next();
         match missing {
             None => {
-                self.examination = Examination::new(&self.config, self.baud, &self.port);
-                (self.begin, self.phase) = (at, Phase::Watch);
+                self.examine_anew(at);
+                self.phase = Phase::Watch;
             }
-            Some((setting, _)) if at.seconds_since(since) > SETTINGS_S => {
+            Some(setting) if at.seconds_since(since) > SETTINGS_S => {
                 let (name, found) = (setting.name(), self.found.join("; "));
                 self.fail(format!(
                     "{found}; but the board does not take board.{name}: exchange the plugs of the encoders, or their channels A and B \

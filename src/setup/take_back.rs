@@ -2,8 +2,8 @@
 
 use super::robot;
 use super::{Phase, SETTINGS_S, Setup};
-use crate::doctor::Examination;
 use slamd_core::Timestamp;
+use slamd_protocol::Setting;
 
 impl Setup {
     /// Begins to give the board its settings of before; false if it still has them. It goes on with times that begin at zero, until there is
@@ -15,8 +15,7 @@ impl Setup {
             let progress = self.progress().clone();
             self.wiring = Some(self.wiring_before);
             self.config.board = robot::settings(self.wiring_before, self.wiring_ever);
-            self.examination = Examination::new(&self.config, self.baud, &self.port);
-            self.begin = Timestamp::default();
+            self.examine_anew(Timestamp::default());
             self.phase = Phase::TakeBack(progress);
         }
         is_changed
@@ -25,9 +24,7 @@ impl Setup {
     /// The settings that the board has not taken back.
     #[must_use]
     pub fn not_taken_back(&self) -> Vec<&'static str> {
-        let differs =
-            self.config.settings().filter(|(setting, value)| self.examination.setting(*setting) != Some(*value));
-        differs.map(|(setting, _)| setting.name()).collect()
+        self.missing_settings().map(Setting::name).collect()
     }
 
     pub(super) fn await_settings(&mut self, at: Timestamp) {

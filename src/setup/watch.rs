@@ -102,17 +102,12 @@ impl Setup {
         let is_drill = self.examination.drill().is_by_hand() && self.examination.drill().is_done();
         self.is_drilled |= is_drill;
         self.rounds += 1;
-        let mut wiring = self.wiring.unwrap_or_default();
-        for change in changes {
-            // The person pushed it by 30 cm: the size is right.
-            let change = match *change {
-                Change::Size(factor) if is_drill => Change::Ranges(simple_factor(factor)),
-                other => other,
-            };
-            robot::change(&mut self.config, &mut wiring, change);
-            self.found.push(change.words());
-        }
-        self.wiring = Some(wiring);
+        // The person pushed it by 30 cm: the size is right.
+        let of_drill = |change: &Change| match *change {
+            Change::Size(factor) if is_drill => Change::Ranges(simple_factor(factor)),
+            other => other,
+        };
+        self.apply(changes.iter().map(of_drill));
         if self.rounds > MAX_ROUNDS {
             let found = self.found.join("; ");
             return self.fail(format!(
@@ -120,6 +115,16 @@ impl Setup {
             ));
         }
         self.begin_watch(at);
+    }
+
+    /// Makes the changes, and notes them for people.
+    fn apply(&mut self, changes: impl Iterator<Item = Change>) {
+        let mut wiring = self.wiring.unwrap_or_default();
+        for change in changes {
+            robot::change(&mut self.config, &mut wiring, change);
+            self.found.push(change.words());
+        }
+        self.wiring = Some(wiring);
     }
 
     /// Whether what was seen is enough.
@@ -228,12 +233,7 @@ impl Setup {
                 if changes.is_empty() {
                     return self.write(true);
                 }
-                let mut wiring = self.wiring.unwrap_or_default();
-                for change in changes {
-                    robot::change(&mut self.config, &mut wiring, *change);
-                    self.found.push(change.words());
-                }
-                self.wiring = Some(wiring);
+                self.apply(changes.iter().copied());
                 self.begin_watch(at);
             }
             None if at.seconds_since(since) > ASK_S || at.seconds() > self.timeout_s => self.write(true),

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
 use slamd_protocol::{FrameEncoder, Hello, Log, Message, Sonar, Text};
-use slamd_testkit::mock_port::{Board, Device, Plugged, Terminal};
+use slamd_testkit::mock_port::{self, Board, Device, Plugged, Terminal};
 use slamd_testkit::served::{SOON, Served, get};
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::net::{TcpListener, TcpStream};
@@ -118,7 +118,7 @@ fn restarts() -> impl FnMut() -> Vec<u8> + Send {
     let (mut encoder, mut boot_id) = (FrameEncoder::new(), 0);
     move || {
         boot_id += 1;
-        let hello = Message::Hello(Hello { boot_id, ..hello() });
+        let hello = Message::Hello(Hello { boot_id, ..mock_port::hello(slamd_protocol::VERSION_MAJOR) });
         let silent = Sonar {
             t_us: 1_000 * boot_id,
             group: 0,
@@ -128,22 +128,6 @@ fn restarts() -> impl FnMut() -> Vec<u8> + Send {
             echoes: <_>::default(),
         };
         [hello, Message::Sonar(silent)].iter().flat_map(|message| encoder.encode(message).to_vec()).collect()
-    }
-}
-
-fn hello() -> Hello {
-    Hello {
-        major: slamd_protocol::VERSION_MAJOR,
-        minor: 0,
-        boot_id: 0,
-        tick_hz: 1_000_000,
-        sensors: 8,
-        ticks_per_turn: 1440,
-        capabilities: 0,
-        config_crc: 0,
-        uid: *b"restarts",
-        board: Text::new("restarting"),
-        firmware: Text::new("1"),
     }
 }
 

@@ -17,6 +17,8 @@ mod salvage;
 mod writer;
 
 pub use lengths::parse_record;
+/// The first bytes of an MCAP file.
+pub use mcap::MAGIC;
 pub use reader::CaptureReader;
 pub use slamd_core::Record;
 pub use writer::CaptureWriter;

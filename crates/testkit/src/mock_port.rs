@@ -122,7 +122,7 @@ impl Device {
             Board::Text if has_passed(Duration::from_millis(100)) => bytes.extend(b"Ping: 123 cm  Pong: 45 cm\r\n"),
             Board::Text => {}
             Board::Speaks(major) if has_passed(Duration::from_millis(500)) => {
-                bytes.extend(self.encoder.encode(&hello(*major)));
+                bytes.extend(self.encoder.encode(&Message::Hello(hello(*major))));
             }
             Board::Speaks(_) => {}
             Board::Robot(simulation) => {
@@ -197,8 +197,9 @@ fn spoken(simulation: &mut Simulation, ran: Duration) -> Vec<u8> {
     spoken
 }
 
-fn hello(major: u8) -> Message {
-    Message::Hello(Hello {
+/// What a board of this major version says of itself.
+pub fn hello(major: u8) -> Hello {
+    Hello {
         major,
         minor: 0,
         boot_id: 7,
@@ -210,7 +211,7 @@ fn hello(major: u8) -> Message {
         uid: *b"slamdsim",
         board: Text::new("stranger"),
         firmware: Text::new("9.9"),
-    })
+    }
 }
 
 /// The board's end of a pseudo-terminal. No program started by a test inherits it: the line would never hang up.

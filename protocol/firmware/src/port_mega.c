@@ -20,19 +20,12 @@ const char slamd_port_board[] = "mega2560";
 
 static volatile uint32_t sampled_us;
 
-static struct slamd_edge edges[64];
-static volatile uint8_t edge_in, edge_out;
 static uint8_t last_a, last_c, last_l, last_k, last_d;
-static volatile int32_t counts[2];
 
-static uint8_t received[128];
-static volatile uint8_t received_in, received_out;
-static uint32_t delimiter_us[16];
-static volatile uint8_t delimiter_in;
-static uint8_t delimiter_out;
-
-static uint8_t sending[1024];
-static volatile uint16_t sending_in, sending_out;
+#define SLAMD_ATOMIC ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
+#define SLAMD_ATOMIC_WORD SLAMD_ATOMIC
+#define START_SENDING() (UCSR0B |= _BV(UDRIE0))
+#include "slamd_queues.h"
 
 static uint32_t packed(uint8_t a, uint8_t c, uint8_t l, uint8_t k) {
     return a | (uint32_t)c << 8 | (uint32_t)l << 16 | (uint32_t)k << 24;
@@ -174,61 +167,11 @@ uint32_t slamd_port_levels(void) {
     return packed(PINA, PINC, PINL, PINK);
 }
 
-bool slamd_port_next_edge(struct slamd_edge *edge) {
-    uint8_t at = edge_out;
-    if (at == edge_in) return false;
-    *edge = edges[at];
-    edge_out = (at + 1) & 63;
-    return true;
-}
-
 void slamd_port_trigger(uint8_t lines) {
     PORTF = lines;
     PORTB ^= _BV(PB7);
     _delay_us(10);
     PORTF = 0;
-}
-
-void slamd_port_ticks(int32_t ticks[2]) {
-    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
-        ticks[0] = counts[0];
-        ticks[1] = counts[1];
-    }
-}
-
-bool slamd_port_receive(uint8_t *byte, uint32_t *t_us) {
-    uint8_t at = received_out;
-    if (at == received_in) return false;
-    *byte = received[at];
-    received_out = (at + 1) & 127;
-    if (*byte == 0) {
-        ATOMIC_BLOCK(ATOMIC_RESTORESTATE) { *t_us = delimiter_us[delimiter_out++ & 15]; }
-    }
-    return true;
-}
-
-static uint16_t waiting(void) {
-    uint16_t len;
-    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) { len = (sending_in - sending_out) & 1023; }
-    return len;
-}
-
-bool slamd_port_send(const uint8_t *bytes, uint16_t len) {
-    uint16_t at = sending_in;
-    if (len > 1023 - waiting()) return false;
-    while (len--) {
-        sending[at] = *bytes++;
-        at = (at + 1) & 1023;
-    }
-    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
-        sending_in = at;
-        UCSR0B |= _BV(UDRIE0);
-    }
-    return true;
-}
-
-uint32_t slamd_port_send_delay_us(void) {
-    return (uint32_t)waiting() * BYTE_US;
 }
 
 /* The chip has no number of its own. */

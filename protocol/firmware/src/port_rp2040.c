@@ -37,20 +37,8 @@ static const uint8_t shared[] = {18, 19, 20, 21, 22, 26, 27, 28};
 
 const char slamd_port_board[] = "rp2040";
 
-static struct slamd_edge edges[64];
-static volatile uint8_t edge_in, edge_out;
 static uint32_t last_levels;
 static uint8_t last_encoders;
-static volatile int32_t counts[2];
-
-static uint8_t received[128];
-static volatile uint8_t received_in, received_out;
-static uint32_t delimiter_us[16];
-static volatile uint8_t delimiter_in;
-static uint8_t delimiter_out;
-
-static uint8_t sending[1024];
-static volatile uint16_t sending_in, sending_out;
 
 static bool motor_pins;
 static volatile bool driven;          /* the control has spoken */
@@ -65,6 +53,13 @@ static uint32_t lock(void) {
 static void unlock(uint32_t before) {
     __asm volatile("msr primask, %0" ::"r"(before) : "memory");
 }
+
+static void feed_uart(void);
+
+#define SLAMD_ATOMIC for (uint32_t once = 1, before = lock(); once; once = 0, unlock(before))
+#define SLAMD_ATOMIC_WORD /* one access is whole */
+#define START_SENDING() feed_uart()
+#include "slamd_queues.h"
 
 static uint32_t levels_of(uint32_t pins) {
     return (pins >> ECHOES & 0x1FFF) | (pins >> 26 & 7) << 13;
@@ -227,14 +222,6 @@ uint32_t slamd_port_levels(void) {
     return levels_of(PINS_IN);
 }
 
-bool slamd_port_next_edge(struct slamd_edge *edge) {
-    uint8_t at = edge_out;
-    if (at == edge_in) return false;
-    *edge = edges[at];
-    edge_out = (at + 1) & 63;
-    return true;
-}
-
 void slamd_port_trigger(uint8_t lines) {
     uint32_t pins = (uint32_t)lines << TRIGGERS, since_us = TIMER_NOW;
     PINS_SET = pins;
@@ -242,44 +229,6 @@ void slamd_port_trigger(uint8_t lines) {
     while (TIMER_NOW - since_us < 11) {
     }
     PINS_CLEAR = pins;
-}
-
-void slamd_port_ticks(int32_t ticks[2]) {
-    uint32_t before = lock();
-    ticks[0] = counts[0];
-    ticks[1] = counts[1];
-    unlock(before);
-}
-
-bool slamd_port_receive(uint8_t *byte, uint32_t *t_us) {
-    uint8_t at = received_out;
-    if (at == received_in) return false;
-    *byte = received[at];
-    received_out = (at + 1) & 127;
-    if (*byte == 0) *t_us = delimiter_us[delimiter_out++ & 15];
-    return true;
-}
-
-static uint16_t waiting(void) {
-    return (sending_in - sending_out) & 1023;
-}
-
-bool slamd_port_send(const uint8_t *bytes, uint16_t len) {
-    uint16_t at = sending_in;
-    if (len > 1023 - waiting()) return false;
-    while (len--) {
-        sending[at] = *bytes++;
-        at = (at + 1) & 1023;
-    }
-    uint32_t before = lock();
-    sending_in = at;
-    feed_uart();
-    unlock(before);
-    return true;
-}
-
-uint32_t slamd_port_send_delay_us(void) {
-    return (uint32_t)waiting() * BYTE_US;
 }
 
 static void begin_uart(void) {

@@ -263,7 +263,8 @@ impl Host for Ahead {
 
 #[test]
 fn the_image_stops_before_a_wall_that_the_host_drives_at() {
-    stops_before_a_wall(emulation::mega(), &[TOP_SPEED]);
+    let last = stops_before_a_wall(emulation::mega(), &[TOP_SPEED]);
+    assert_eq!(last, [Some(MotionState::Obstacle); 2]);
 }
 
 #[test]
@@ -272,9 +273,10 @@ fn the_pico_stops_before_a_wall_that_the_host_drives_at() {
     stops_before_a_wall(&pico, &[(Setting::Sensors, PICO_SENSORS.into()), TOP_SPEED]);
 }
 
-fn stops_before_a_wall(board: &Emulated, settings: &[(Setting, i32)]) {
+/// What the board says at the end of each drive.
+fn stops_before_a_wall(board: &Emulated, settings: &[(Setting, i32)]) -> [Option<MotionState>; 2] {
     use slamd_sim::robot::BODY_RADIUS_M;
-    for seed in 1..=2 {
+    [1, 2].map(|seed| {
         let mut host = Ahead {
             settings: settings.to_vec(),
             encoder: FrameEncoder::new(),
@@ -296,5 +298,6 @@ fn stops_before_a_wall(board: &Emulated, settings: &[(Setting, i32)]) {
         assert!(host.blocked > 100 && 10 * host.blocked > 9 * host.looks, "{} of {}", host.blocked, host.looks);
         assert!(host.fastest_m_s > 0.3, "{} m/s", host.fastest_m_s);
         assert!(host.nearest_m > BODY_RADIUS_M + 0.02, "seed {seed}: {} m", host.nearest_m);
-    }
+        host.last
+    })
 }

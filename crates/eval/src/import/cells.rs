@@ -1,4 +1,5 @@
-//! Cells of ranges as recordings have them: numbers, also with their unit, and texts that mean "no echo".
+//! Cells of ranges as recordings have them: numbers, also with their unit, and texts that mean "no echo". What is met of them and of the
+//! encoders' cells while rows are read.
 
 use super::ranges::RangeUnit;
 use super::rows::{Filler, Row};
@@ -18,8 +19,10 @@ pub(super) struct Cells<'a> {
     /// How many metres a plain number stands for.
     pub(super) unit_m: f64,
     pub(super) sound_m_s: f64,
-    /// The first cell with a unit.
+    /// The first cell with a unit, and its line.
     pub(super) with_unit: Option<(usize, String)>,
+    /// The first hexadecimal count, and its line.
+    pub(super) hexadecimal: Option<(usize, String)>,
 }
 
 impl Cells<'_> {
@@ -119,7 +122,7 @@ mod tests {
 
     fn read(cell: &str, no_echo: &[&str], unit_m: f64) -> Result<f64, String> {
         let words: Vec<String> = no_echo.iter().map(ToString::to_string).collect();
-        let mut cells = Cells { no_echo: &words, unit_m, sound_m_s: 340.0, with_unit: None };
+        let mut cells = Cells { no_echo: &words, unit_m, sound_m_s: 340.0, ..Cells::default() };
         let line = SourceLine { file: "a.csv", number: 3 };
         cells.reading(line, &[cell.to_owned()], 0).map_err(|error| error.to_string())
     }

@@ -17,6 +17,11 @@ fn split(line: &str) -> Option<(&str, &str)> {
     Some((time.trim().trim_matches(['[', ']']), rest.trim_start()))
 }
 
+/// What separates the cells of a line that a program has printed.
+fn delimiter(line: &str) -> char {
+    [',', ';', '\t'].into_iter().find(|delimiter| line.contains(*delimiter)).unwrap_or(' ')
+}
+
 /// The text without the times of a serial monitor, or, where `has_time` does not find the time in a line of it, with them as the first column,
 /// called `t_s`. None if it is no such log.
 pub(super) fn without(text: &str, has_time: impl Fn(&str) -> bool) -> Option<(String, &'static str)> {
@@ -33,7 +38,7 @@ pub(super) fn without(text: &str, has_time: impl Fn(&str) -> bool) -> Option<(St
     for line in text.lines() {
         match split(line) {
             Some((time, rest)) if keeps && !rest.is_empty() => {
-                let delimiter = [',', ';', '\t'].into_iter().find(|delimiter| rest.contains(*delimiter)).unwrap_or(' ');
+                let delimiter = delimiter(rest);
                 // Names come first, and only once have to be told from counts.
                 let is_names = is_head && rest.chars().filter(|c| c.is_alphabetic()).count() > 0;
                 let first = if is_names { "t_s" } else { time };
@@ -101,7 +106,7 @@ const MIN_LABELS: usize = 3;
 
 /// The labels and values of a line, if all its cells have both.
 fn cells(line: &str) -> Option<Vec<(&str, &str)>> {
-    let delimiter = [',', ';', '\t'].into_iter().find(|delimiter| line.contains(*delimiter)).unwrap_or(' ');
+    let delimiter = delimiter(line);
     let fields =
         line.trim().trim_end_matches(delimiter).split(delimiter).map(str::trim).filter(|field| !field.is_empty());
     let cell = |field: &'_ str| -> Option<usize> {

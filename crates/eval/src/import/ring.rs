@@ -83,7 +83,9 @@ pub fn read(input: impl Read, file: &str, config: &Config, options: &Options) ->
     if let Some((line, cell)) = readings.with_unit {
         found.remarks.push(format!("line {line}: `{cell}`: ranges are read in the unit that stands with them"));
     }
-    found.remarks.extend(tick_cells::hexadecimal(table.records(), &roles));
+    if let Some((line, cell)) = readings.hexadecimal {
+        found.remarks.push(format!("line {line}: `{cell}`: ticks are read as hexadecimal numbers"));
+    }
     times_of(&table, &roles, (&mut rows, &mut cells), options.time_unit, (file, &mut found))?;
     check_negative(&rows, &options, &roles, file)?;
     found.doubts.extend(cells::missing(&rows));
@@ -347,6 +349,9 @@ fn row(
             Role::Ticks(wheel) => {
                 let cell = fields.get(column).map(String::as_str).unwrap_or_default();
                 let count = tick_cells::count(cell).ok_or_else(|| line.error(cell, column, TICKS))?;
+                if tick_cells::is_hexadecimal(cell) {
+                    readings.hexadecimal.get_or_insert_with(|| (record.line, cell.to_owned()));
+                }
                 if let Some(cell) = ticks.get_mut(*wheel) {
                     *cell = Some(count);
                 }
@@ -367,6 +372,7 @@ const STAMP: &str = "seconds, or a date and time such as 2026-05-01T12:00:00.5Z,
 const AMBIGUOUS_DATE: &str = "a date that begins with its year: of 07/04/2024 nobody knows whether it is in April or July; export the column as \
                               2024-07-04 13:00:00, with 24 hours";
 const TICKS: &str = "a number of encoder ticks, or nothing";
+
 /// Negative readings mean something only where they fill the place of sensors that have not answered, or the user says what.
 fn check_negative(rows: &[Row], options: &Options, roles: &[Role], file: &str) -> Result<(), ImportError> {
     let filler = Filler::find(rows).unwrap_or_default();

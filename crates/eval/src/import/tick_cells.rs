@@ -18,16 +18,9 @@ fn hex_digits(cell: &str) -> Option<&str> {
     cell.strip_prefix("0x").or_else(|| cell.strip_prefix("0X"))
 }
 
-/// Says that counts are hexadecimal, where they are.
-pub(super) fn hexadecimal(mut records: impl Iterator<Item = Record>, roles: &[Role]) -> Option<String> {
-    let is_hex =
-        |record: &Record, column: usize| record.fields.get(column).is_some_and(|cell| hex_digits(cell).is_some());
-    let found = |record: Record| {
-        let column = (0..roles.len())
-            .find(|column| matches!(roles.get(*column), Some(Role::Ticks(_))) && is_hex(&record, *column))?;
-        Some(format!("line {}: `{}`: ticks are read as hexadecimal numbers", record.line, record.fields.get(column)?))
-    };
-    records.find_map(found)
+/// True for a count such as `0x1F`.
+pub(super) fn is_hexadecimal(cell: &str) -> bool {
+    hex_digits(cell).is_some()
 }
 
 /// What the cells of one encoder look like.
