@@ -224,11 +224,9 @@ const REVERSED: f64 = 0.5;
 
 fn say_steps(steps: &[(usize, f64)], rows: usize, stamps: &mut Stamps) {
     if steps.len() <= MAX_REMARKS {
-        stamps.remarks.extend(
-            steps
-                .iter()
-                .map(|(line, step_s)| format!("line {line}: {}; the rows after it follow on", times::step(*step_s))),
-        );
+        for (line, step_s) in steps {
+            stamps.remarks.push(format!("line {line}: {}; the rows after it follow on", times::step(*step_s)));
+        }
     } else if let (Some((first, _)), Some((last, _))) = (steps.first(), steps.last()) {
         let count = steps.len();
         let is_reversed = steps.iter().filter(|(_, step_s)| *step_s < 0.0).count() as f64 >= REVERSED * rows as f64;
